@@ -22,6 +22,7 @@ from terrain_forge.terminal import (
     SET,
     Display,
     InOrder,
+    Number,
     complete_exporters,
     complete_starters,
     complete_terrain_models,
@@ -219,8 +220,8 @@ def validate(out: Path, quick: bool, **choice: Any) -> None:
 @cli.command()
 @OUT
 @click.option("--path", metavar="NAME", help="The path [default: the recipe's, or the first].")
-@click.option("--from", "begin", type=float, default=0.0, metavar="S", help="From when [s].")
-@click.option("--to", "end", type=float, metavar="S", help="Until when [s], without it.")
+@click.option("--from", "begin", type=Number(), default=0.0, metavar="S", help="From when [s].")
+@click.option("--to", "end", type=Number(), metavar="S", help="Until when [s], without it.")
 @click.option("--only", metavar="SENSORS", help="Only these sensors, such as camera,imu.")
 @click.option("--formats", metavar="FORMATS", help="Also write these, such as kitti,rosbag2.")
 @click.option("--motion", type=click.Choice(["path", "drive"]), help="What moves the rover.")

@@ -1,7 +1,8 @@
 """A site in tiles: per tile a payload whose levels of detail are variants, one stage over all.
 
 OUT/usd/world.usda                 a prim with a payload per tile, and what they share
-OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarter`, `sixteenth`
+OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarter`, `sixteenth`;
+                                   of a level that a small tile has not, its coarsest
 """
 
 from __future__ import annotations
@@ -138,9 +139,10 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
     prim = stage.GetDefaultPrim()
     UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(*anchor.tolist()))
     variants = prim.GetVariantSets().AddVariantSet("lod")
-    for name in names:
-        variants.AddVariant(name)
-        variants.SetVariantSelection(name)
+    for n, level in enumerate(LEVELS):
+        name = names[min(n, len(names) - 1)]  # a small tile's coarsest stands for coarser ones
+        variants.AddVariant(level)
+        variants.SetVariantSelection(level)
         with variants.GetVariantEditContext():
             for part in ("ground", "rocks"):
                 child = UsdGeom.Xform.Define(stage, f"/{_TILE}/{part}").GetPrim()
@@ -178,7 +180,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
             name = f"tile_{tile.row:03}_{tile.column:03}"
             prim = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
             prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
-            prim.variantSelections["lod"] = list(tile.figures["errors"])[-1]
+            prim.variantSelections["lod"] = [*LEVELS][-1]
     layer.Save()
     return tuple(_losses(tiled))
 

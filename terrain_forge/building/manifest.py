@@ -29,6 +29,8 @@ LOCK, MARK = "lock", b"a terrain-forge is or was at work here\n"
 WHOLE = "whole"
 """Folder in the staging folder of a world whose changed copy is taking the world's places."""
 FORMAT = 2
+WORLD = "world"
+"""What a folder holds whose manifest does not say."""
 MAX_MANIFEST = 2**28
 """Bytes of a manifest."""
 _PACKAGES = (
@@ -50,6 +52,7 @@ def write_manifest(
     exports: Sequence[Export],
     altered: dict[str, str],
     foreign: Collection[str] = (),
+    holds: str = WORLD,
 ) -> Path:
     """Write `directory`/manifest.json over all files that are there; equal worlds, equal bytes.
 
@@ -59,6 +62,7 @@ def write_manifest(
         exports: what was exported into the folder.
         altered: files that are not as they were built, which keep the hash that they should have.
         foreign: files that are not the world's, which it does not list.
+        holds: what the folder holds, in a word.
     """
     names = [name for name in all_files(directory) if name not in foreign]
     outputs = {**_hashes(directory, names), **altered}
@@ -66,6 +70,7 @@ def write_manifest(
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
+        **({} if holds == WORLD else {"holds": holds}),
         "name": site.name,
         "seed": site.seed,
         "recipe": recipe,
@@ -88,15 +93,15 @@ def _origins(dtm: dict[str, Any]) -> dict[str, Any]:
     return {"origins": {dtm["product"] or dtm["url"]: found}} if found else {}
 
 
-def read_manifest(directory: Path) -> Manifest:
-    """The manifest of a built world.
+def read_manifest(directory: Path, *, holds: str = WORLD) -> Manifest:
+    """The manifest of a built world, or of a folder that holds something else of ours.
 
     Raises:
-        OutputError: if the folder holds none of ours.
+        OutputError: if the folder holds none of ours, or one of another thing.
     """
     try:
         if not (directory / NAME).is_file():
-            raise OutputError(f"{directory} is not a terrain-forge world (no {NAME})")
+            raise OutputError(f"{directory} is not a terrain-forge {holds} (no {NAME})")
         manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
     except DataError as error:
         if isinstance(error.__cause__, OSError):
@@ -105,13 +110,14 @@ def read_manifest(directory: Path) -> Manifest:
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None
     if isinstance(manifest, dict) and isinstance(manifest.get("tiles"), dict):
-        raise OutputError(
-            f"{directory} is a site in tiles: `terrain-forge cut` makes a world of a part of it"
-        )
+        part = ": `terrain-forge cut` makes a world of a part of it" * (holds == WORLD)
+        raise OutputError(f"{directory} is a site in tiles{part}")
     if not _is_ours(manifest):
         raise OutputError(
             f"{directory}/{NAME} is not one of this version of terrain-forge: move it away"
         )
+    if (found := manifest.get("holds", WORLD)) != holds:
+        raise OutputError(f"{directory} holds a terrain-forge {found}, no {holds}")
     return dict(manifest)
 
 
@@ -174,7 +180,7 @@ def changed_files(directory: Path, manifest: Manifest) -> list[str]:
     return [name for name in altered_files(directory, manifest) if name in there]
 
 
-def suspect_files(directory: Path) -> dict[str, bool]:
+def suspect_files(directory: Path, *, holds: str = WORLD) -> dict[str, bool]:
     """Files in a world's folder that may be a user's: not listed (False), or changed (True).
 
     Where a killed process has left the world half changed, both its manifests list files.
@@ -184,7 +190,8 @@ def suspect_files(directory: Path) -> dict[str, bool]:
     if is_staging(directory / STAGING) and (whole / NAME).is_file():
         places.append(whole)
     found: list[dict[str, bool]] = []
-    for manifest in map(read_manifest, places):
+    for place in places:
+        manifest = read_manifest(place, holds=holds)
         foreign, changed = foreign_files(directory, manifest), changed_files(directory, manifest)
         found.append({**dict.fromkeys(foreign, False), **dict.fromkeys(changed, True)})
     common = {*found[0]}.intersection(*found[1:])

@@ -26,6 +26,7 @@ from terrain_forge.building.manifest import (
     NAME,
     STAGING,
     WHOLE,
+    WORLD,
     Manifest,
     all_files,
     changed_files,
@@ -81,12 +82,13 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
             raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
 
 
-def require_ours(out: Path, *, force: bool = False) -> tuple[str, ...]:
+def require_ours(out: Path, *, force: bool = False, holds: str = WORLD) -> tuple[str, ...]:
     """Refuse an output folder whose replacement would remove what is not ours.
 
     Args:
         out: The output folder, symbolic links resolved.
         force: Whether files that its manifest does not list may be removed.
+        holds: What an older folder of ours must hold to be replaced.
 
     Returns:
         Those files, relative to it.
@@ -108,9 +110,9 @@ def require_ours(out: Path, *, force: bool = False) -> tuple[str, ...]:
         return ()
     if not (out / NAME).is_file():
         raise OutputError(
-            f"{out} exists and is not a terrain-forge world; remove it or choose another with -o"
+            f"{out} exists and is not a terrain-forge {holds}; remove it or choose another with -o"
         )
-    suspect = suspect_files(out)
+    suspect = suspect_files(out, holds=holds)
     _refuse([name for name, changed in suspect.items() if not changed], _FOREIGN, out, force)
     _refuse([name for name, changed in suspect.items() if changed], _CHANGED, out, force)
     return tuple(sorted(suspect))
@@ -163,12 +165,13 @@ def _require_writable(parent: Path, out: Path) -> None:
 
 
 @contextmanager
-def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
+def replacing(target: Path, *, force: bool = False, holds: str = WORLD) -> Iterator[Path]:
     """A new folder of the same name that takes the target's place when the block ends well.
 
     Args:
         target: The output folder, symbolic links resolved.
         force: Whether files that its manifest does not list may be removed.
+        holds: What an older folder of ours must hold to be replaced.
 
     Raises:
         OutputError: if another process writes the target, or it is not ours to replace.
@@ -188,10 +191,10 @@ def replacing(target: Path, *, force: bool = False) -> Iterator[Path]:
             number = fresh.stat().st_ino
             yield fresh
             write_through(fresh)
-            known = require_ours(target, force=force)  # again: a build takes its time
+            known = require_ours(target, force=force, holds=holds)  # again: a build takes its time
             _exchange(fresh, target)
             with suppress(OSError):  # the new world is there, whatever comes of the old
-                _keep_new_files(fresh, target, known)
+                _keep_new_files(fresh, target, known, holds)
     except BaseException as error:
         complete = target.exists() and target.stat().st_ino == number
         if complete and isinstance(error, KeyboardInterrupt):
@@ -404,11 +407,11 @@ def _renamed_at_once(one: Path, other: Path) -> bool:
     return bool(rename(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0)
 
 
-def _keep_new_files(old: Path, target: Path, known: Collection[str]) -> None:
+def _keep_new_files(old: Path, target: Path, known: Collection[str], holds: str) -> None:
     """Set an older world aside for good if files of others came into it at the last moment."""
     if not old.is_dir():
         return
-    manifest = read_manifest(old) if (old / NAME).is_file() else {}
+    manifest = read_manifest(old, holds=holds) if (old / NAME).is_file() else {}
     if set(foreign_files(old, manifest)) - set(known):
         kept = target.with_name(f"{target.name}-{time.time_ns()}")
         old.rename(kept)

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import click
 
-from terrain_forge.base import OutputError
 from terrain_forge.terminal import (
     FORCE,
     ONLY,
     OUT,
     Display,
+    Number,
+    Numbers,
     names_of,
+    say,
 )
 
 _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "report page"
@@ -21,9 +23,13 @@ _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "
 @click.command("cut")
 @OUT
 @click.option(
-    "--centre", required=True, metavar="EAST,NORTH", help="Its middle in the site's frame [m]."
-)
-@click.option("--size", required=True, metavar="EAST,NORTH", help="Its size [m], such as 64,64")
+    "--centre", type=Numbers("120,-340"), required=True, metavar="EAST,NORTH",
+    help="Its middle in the site's frame [m], such as 120,-340.",
+)  # fmt: skip
+@click.option(
+    "--size", type=Numbers("64,64", Number(0.0, min_open=True)), required=True,
+    metavar="EAST,NORTH", help="Its size [m], such as 64,64.",
+)  # fmt: skip
 @click.option(
     "-o", "--out", "into", type=click.Path(path_type=Path),
     help="Output folder [default: ./NAME-EAST-NORTH].",
@@ -31,7 +37,12 @@ _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "
 @ONLY
 @FORCE
 def cut(
-    out: Path, centre: str, size: str, into: Path | None, only: str | None, force: bool
+    out: Path,
+    centre: tuple[float, float],
+    size: tuple[float, float],
+    into: Path | None,
+    only: str | None,
+    force: bool,
 ) -> None:
     """Make a world of its own of a part of the site in tiles that is built in OUT.
 
@@ -40,27 +51,20 @@ def cut(
     from terrain_forge import pipeline
     from terrain_forge.terminal import finish, tell_build
 
-    place, length = pair("--centre", centre), pair("--size", size)
-    into = into or Path(f"{out.resolve().name}-{place[0]:g}-{place[1]:g}")
+    into = into or Path(f"{out.resolve().name}-{centre[0]:g}-{centre[1]:g}")
     with Display(_STAGES) as display:
         result = pipeline.cut(
-            out, into, centre=place, size=length, only=names_of(only), force=force,
+            out, into, centre=centre, size=size, only=names_of(only), force=force,
             progress=display,
         )  # fmt: skip
     tell_build(result, into, display.elapsed)
+    west, south, east, north = result.world.ground.bounds
+    found = (west + east) / 2.0, (south + north) / 2.0, east - west, north - south
+    spacing = result.world.ground.spacing
+    if any(abs(a - b) > 1e-6 * spacing for a, b in zip(found, (*centre, *size), strict=True)):
+        say(
+            f"  whole cells of {spacing:g} m: {found[2]:g} × {found[3]:g} m around "
+            f"{found[0]:g},{found[1]:g}, asked for {size[0]:g} × {size[1]:g} m around "
+            f"{centre[0]:g},{centre[1]:g}"
+        )
     finish(result.passed, into)
-
-
-def pair(option: str, text: str) -> tuple[float, float]:
-    """Two numbers with a comma between them.
-
-    Raises:
-        OutputError: if they are not.
-    """
-    try:
-        east, north = (float(part) for part in text.split(","))
-    except ValueError:
-        raise OutputError(
-            f"{option} {text!r}: two numbers [m] with a comma, such as 64,64"
-        ) from None
-    return east, north

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from terrain_forge.base import OutputError
-from terrain_forge.terminal import SCORING, Display
+from terrain_forge.terminal import SCORING, Display, Number, Numbers
 
 
 @click.command()
@@ -45,8 +45,13 @@ from terrain_forge.terminal import SCORING, Display
     help="Score a map against the world: a cloud (PLY, PCD, LAZ) or a height grid (GeoTIFF, .npy, "
     "x y z rock as text), in the world's frame or in that of a system that was evaluated.",
 )
-@click.option("--area", metavar="W,S,E,N", help="Part of the site that maps are scored on [m].")
-@click.option("--cell", type=float, default=0.15, metavar="M", help="Size of a map's cells [m].")
+@click.option(
+    "--area", type=Numbers("-10,-10,10,10"), metavar="W,S,E,N",
+    help="Part of the site that maps are scored on [m].",
+)  # fmt: skip
+@click.option(
+    "--cell", type=Number(0.001, 1e3), default=0.15, metavar="M", help="Size of a map's cells [m]."
+)
 @SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
 def evaluate(
@@ -60,7 +65,7 @@ def evaluate(
     estimate: Path | None,
     stamps: Path | None,
     maps: tuple[str, ...],
-    area: str | None,
+    area: tuple[float, float, float, float] | None,
     cell: float,
     changes: tuple[str, ...],
     out: Path | None,
@@ -99,21 +104,6 @@ def evaluate(
             )
         status = tell_systems(paths[0], results, out=out)
     if maps:
-        scores = report.evaluate_maps(paths[0], maps, area=_area(area), cell=cell)
+        scores = report.evaluate_maps(paths[0], maps, area=area, cell=cell)
         tell_maps(scores, out=out)
     return status
-
-
-def _area(text: str | None) -> tuple[float, float, float, float] | None:
-    """The area that was given.
-
-    Raises:
-        OutputError: if it is none.
-    """
-    if text is None:
-        return None
-    try:
-        west, south, east, north = map(float, text.split(","))
-    except ValueError:
-        raise OutputError(f"--area {text!r}: must be W,S,E,N, such as -10,-10,10,10") from None
-    return west, south, east, north

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from terrain_forge.terminal import SET, Display, say
+from terrain_forge.terminal import FORCE, SET, Display, Number, say
+
+_LENGTH = Number(0.0, 1e6, min_open=True)
 
 
 @click.command()
@@ -16,19 +19,20 @@ from terrain_forge.terminal import SET, Display, say
     "--from", "begin", metavar="TIME", help="When it begins, UTC [default: the recipe's]."
 )
 @click.option("--to", "end", metavar="TIME", help="When it ends [default: a solar day later].")
-@click.option("--step", metavar="LENGTH", help="Such as 30m, 1h, 2d [default: a 48th of it].")
 @click.option(
-    "--size", type=(float, float), metavar="EAST NORTH", help="Of the map [m; default: the site]."
+    "--step", metavar="LENGTH", help="With its unit: 30m, 1h, 2d [default: a 48th of it]."
 )
 @click.option(
-    "--spacing", type=click.FloatRange(0.01), help="Of its nodes [m; default: the DTM's posting]."
-)
+    "--size", type=(_LENGTH, _LENGTH), metavar="EAST NORTH",
+    help="Of the map [m; default: the site].",
+)  # fmt: skip
 @click.option(
-    "--height", type=click.FloatRange(0.0, 1e4), default=0.0, help="Of who looks, over ground [m]."
+    "--spacing", type=Number(0.01, 1e6), help="Of its nodes [m; default: the DTM's posting]."
 )
+@click.option("--height", type=Number(0.0, 1e4), default=0.0, help="Of who looks, over ground [m].")
 @click.option(
     "--reach",
-    type=click.FloatRange(0.1, 500.0),
+    type=Number(0.1, 500.0),
     default=100.0,
     show_default=True,
     help="How far is looked [km].",
@@ -44,8 +48,14 @@ from terrain_forge.terminal import SET, Display, say
     "-o", "--out", type=click.Path(path_type=Path), help="Folder [default: ./NAME_illumination]."
 )
 @SET
+@FORCE
 def illumination(
-    recipe: Path, out: Path | None, reach: float, changes: tuple[str, ...], **wishes: Any
+    recipe: Path,
+    out: Path | None,
+    reach: float,
+    changes: tuple[str, ...],
+    force: bool,
+    **wishes: Any,
 ) -> None:
     """Find where the Sun shines and the Earth is seen over a period, for RECIPE or a world in OUT.
 
@@ -53,27 +63,32 @@ def illumination(
     around, the part of the Sun that is seen at each moment; a table, pictures, and a film of the
     shadows. It looks at the DTM, of a recipe at all of it, not at rocks or drawn detail.
     """
+    from terrain_forge.building import require_apart
     from terrain_forge.dtm import RasterDtm
     from terrain_forge.illumination import Source, Wish, illuminate
     from terrain_forge.making import plan
     from terrain_forge.model import World
+    from terrain_forge.recipe import input_paths
     from terrain_forge.terminal import load_given, located
 
     wish = Wish(reach=1e3 * reach, **wishes)
+    how: dict[str, Any] = {"force": force, "tell": partial(say, err=True)}
     if recipe.is_dir():
         site = World.load(recipe).site
+        target = out or Path(f"{site.name}_illumination")
+        require_apart(target.resolve(), [recipe])
         with Display(("land", "rays", "files")) as display:
-            target = out or Path(f"{site.name}_illumination")
-            lines = illuminate(site, None, target, wish, progress=display)
+            lines = illuminate(site, None, target, wish, progress=display, **how)
     else:
         file = load_given(recipe, changes=changes)
         target = out or Path(f"{file.recipe.name}_illumination")
+        require_apart(target.resolve(), [file.path, *input_paths(file.recipe, file.folder)])
         with located(file), Display(("plan", "land", "rays", "files")) as display:
             display("plan")
-            site = plan(file.recipe, folder=file.folder, progress=display)
+            site = plan(file.recipe, folder=file.folder, by_night=True, progress=display)
             dtm = file.recipe.dtm
             source = Source(dtm=dtm, folder=file.folder) if isinstance(dtm, RasterDtm) else None
-            lines = illuminate(site, source, target, wish, progress=display)
+            lines = illuminate(site, source, target, wish, progress=display, **how)
     for line in lines:
         say(line)
     say(f"written to {target}")

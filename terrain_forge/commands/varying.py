@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import click
@@ -63,6 +64,9 @@ def make_worlds(
     file = load_given(recipe, seed=seed, changes=changes)
     names = names_of(only)
     if grid is not None:
+        for option, value in (("count", count), ("workers", workers), ("scheduler", scheduler)):
+            if value is not None:
+                raise click.UsageError(f"--{option} has no effect beside --grid: leave one out")
         out = out or Path(f"{file.recipe.name}-grid")
         with located(file), Display(("worlds",)) as display:
             made = make_grid(file, out, shape=_shape(grid), only=names, progress=display)
@@ -94,7 +98,7 @@ def make_worlds(
 
 def _shape(text: str) -> tuple[int, int]:
     """Rows and columns of a grid, such as 5x8."""
-    rows, _, columns = text.lower().replace("×", "x").partition("x")
-    if not (rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
+    found = re.fullmatch(r"([1-9][0-9]{0,8})[xX×]([1-9][0-9]{0,8})", text)
+    if found is None:
         raise click.BadParameter(f"{text!r}: rows and columns, such as 5x8", param_hint="--grid")
-    return int(rows), int(columns)
+    return int(found[1]), int(found[2])

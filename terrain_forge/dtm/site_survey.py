@@ -27,6 +27,9 @@ from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
+_FARTHEST = 0.25
+"""Part of the body's radius that ground goes on from the border at most."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
@@ -64,6 +67,7 @@ def survey(
         DataError, RecipeError: if the DTM cannot serve as the recipe says.
     """
     horizon = horizon or HorizonSpec()
+    _require_near(horizon, body)
     if isinstance(spec, FlatDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
         return Survey(
@@ -93,6 +97,17 @@ def survey(
         roughness=fit_roughness(patch.heights, patch.posting, body, measured, floor),
         surroundings=around,
     )
+
+
+def _require_near(horizon: HorizonSpec, body: Body) -> None:
+    """Refuse ground that goes on to where the body has long turned it out of sight."""
+    most = _FARTHEST * body.mean_radius
+    if horizon.reach_m is not None and horizon.reach_m > most:
+        raise RecipeError(
+            f"{horizon.reach_m:g} m: at most {most:.4g} m, a quarter of the radius of "
+            f"{body.name}; without it the ground goes on to the true horizon",
+            key=("horizon", "reach_m"),
+        )
 
 
 def _beyond(

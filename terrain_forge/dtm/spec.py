@@ -136,7 +136,7 @@ class HorizonSpec(Spec):
     """A second, coarser terrain model that goes on where the site's own ends, such as a global one:
     a georeferenced raster. It is raised or lowered to the site's height."""
     reach_m: NotNegative | None = None
-    """How far from the border the ground goes on [m]; without it to the true horizon, 0 for
-    nothing."""
+    """How far from the border the ground goes on [m], at most a quarter of the body's radius;
+    without it to the true horizon, 0 for nothing."""
     rocks_m: Annotated[float, Interval(ge=0, le=500)] = 50.0
     """How far from the border rocks lie, by the law of each population, as simple shapes [m]."""

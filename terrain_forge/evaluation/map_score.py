@@ -100,9 +100,10 @@ def site_grid(world: World, *, area: Area | None = None, cell: float = CELL) -> 
         raise DataError(f"cells of {cell:g} m: must be larger than 0")
     inside = west >= bounds[0] and south >= bounds[1] and east <= bounds[2] and north <= bounds[3]
     columns, rows = (
-        int((high - low) / cell + 1e-6) for low, high in ((west, east), (south, north))
+        int((high - low) / cell + 1e-6) if inside else 0
+        for low, high in ((west, east), (south, north))
     )
-    if not inside or min(columns, rows) < 1 or columns * rows > _MOST:
+    if min(columns, rows) < 1 or columns * rows > _MOST:
         told = ", ".join(f"{value:g}" for value in bounds)
         raise DataError(
             f"area {west:g}, {south:g}, {east:g}, {north:g}, cells of {cell:g} m: must be west, "

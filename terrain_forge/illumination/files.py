@@ -20,6 +20,8 @@ from terrain_forge.writers import write_geotiff, write_png
 
 _SIDE = 512
 """Pixels of a picture's longer side, at least."""
+_WIDEST = 4096
+"""And at most: of a larger map each n-th node is shown."""
 _FRAME_MS = 120
 _MOST_HORIZON = 8_000_000
 """Values of the horizon map that are written; of more, each n-th azimuth is."""
@@ -36,7 +38,7 @@ def write_maps(folder: Path, light: Light, land: Land, site: Site, names: list[s
         ("never_lit", light.never, "", ["1 where the Sun never shines, whatever the date"], ""),
         (
             "horizon", np.degrees(np.moveaxis(light.horizon[::every], 0, -1)), "deg",
-            [f"height of the horizon towards {a:.6g} deg from north" for a in degrees[::every]],
+            [f"height of the horizon {a:.6g} deg from grid north" for a in degrees[::every]],
             f", {len(degrees[::every])} azimuths",
         ),
     ]  # fmt: skip
@@ -121,7 +123,8 @@ def write_hours(path: Path, light: Light, whole: float) -> None:
 
 def _picture(colour: Array, caption: str) -> Image.Image:
     """A grid of colours, rows running north, as a picture of a size that can be seen."""
-    pixels = np.asarray(image_rows(colour)).round().astype(np.uint8)
+    every = -(-max(colour.shape[:2]) // _WIDEST)
+    pixels = np.asarray(image_rows(colour))[::every, ::every].round().astype(np.uint8)
     image = Image.fromarray(pixels)
     times = max(1, -(-_SIDE // max(image.size)))
     image = image.resize((times * image.width, times * image.height), Image.Resampling.NEAREST)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Mask, RecipeError
+from terrain_forge.base import Array, DataError, Mask, OutputError, RecipeError
 from terrain_forge.dtm import (
     RasterDtm,
     at_hand,
@@ -19,7 +19,10 @@ from terrain_forge.dtm import (
 )
 from terrain_forge.illumination.horizon import Relief
 from terrain_forge.model import Heightfield, Site
+from terrain_forge.recipe import machine_memory
 
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north [m]."""
 _NEAR_POSTS, _MOST_NEAR, _MOST_FAR = 512, 3072, 2048
 """Posts around the map that keep their posting, and the most that a grid has along a side."""
 _LEAST = 16
@@ -61,6 +64,7 @@ def find_land(
     spacing: float | None,
     reach: float,
     height: float,
+    bytes_each: float = 0.0,
 ) -> Land:
     """The land of a site.
 
@@ -71,28 +75,29 @@ def find_land(
         spacing: Of the map's nodes [m]; the DTM's posting by default.
         reach: How far from the centre is looked [m].
         height: Of the Sun's observers above the ground [m].
+        bytes_each: Memory that a node will take [bytes].
 
     Raises:
         RecipeError, DataError: where no DTM tells heights, or not for the whole map.
+        OutputError: for a map that does not fit into memory, or of less than a cell.
     """
     size = size or site.size
     if site.dtm is None:
         raise RecipeError("a flat site has no relief that could hide the Sun", key=("dtm",))
     posting = site.dtm.posting
     spacing = spacing or min(posting, min(size) / _LEAST)
-    grids = _grids(site, source, size, posting, reach)
+    if spacing > min(size):
+        raise OutputError(f"spacing {spacing:g} m: a side of the map is {min(size):g} m")
+    reach = max(reach, 0.5 * max(size))
+    _require_within(size, _extent(site, source, reach))
+    _require_memory(size, spacing, bytes_each)
     nodes = _map(size, spacing)
+    grids = _grids(site, source, size, posting, reach)
     radius = site.body.mean_radius
     east, north = np.meshgrid(nodes.east, nodes.north)
     near = grids[0]
     if not near.covers(east, north).all():
-        west, south, right, top = near.bounds
-        raise DataError(
-            f"a map of {size[0]:g} × {size[1]:g} m reaches beyond the DTM, which lies "
-            f"{-west:.0f} m west, {right:.0f} m east, {-south:.0f} m south and {top:.0f} m north "
-            "of the centre",
-            key=("dtm",),
-        )
+        raise _beyond(size, near.bounds)
     missing = _near_holes(near, east, north)
     heights = np.where(missing, 0.0, near.height_at(east, north))
     level = heights - (east**2 + north**2) / (2.0 * radius) + height
@@ -110,12 +115,56 @@ def find_land(
     )
 
 
+def _require_within(size: tuple[float, float], bounds: Bounds) -> None:
+    """Refuse a map that is larger than the land."""
+    if any(0.5 * side > abs(end) for side, end in zip(2 * size, bounds, strict=True)):
+        raise _beyond(size, bounds)
+
+
+def _beyond(size: tuple[float, float], bounds: Bounds) -> DataError:
+    west, south, east, north = bounds
+    return DataError(
+        f"a map of {size[0]:g} × {size[1]:g} m reaches beyond the DTM, which lies "
+        f"{-west:.0f} m west, {east:.0f} m east, {-south:.0f} m south and {north:.0f} m north "
+        "of the centre",
+        key=("dtm",),
+    )
+
+
+def _require_memory(size: tuple[float, float], spacing: float, bytes_each: float) -> None:
+    """Refuse a map whose nodes do not fit into this machine's memory."""
+    columns, rows = _nodes(size, spacing)
+    needed, there = columns * rows * bytes_each, machine_memory()
+    if needed > there:
+        raise OutputError(
+            f"a map of {columns:,} × {rows:,} points needs about {needed / 1e9:,.3g} GB of memory, "
+            f"this machine has {there / 1e9:.3g} GB: choose a smaller one, a larger spacing or "
+            "fewer azimuths"
+        )
+
+
+def _nodes(size: tuple[float, float], spacing: float) -> tuple[int, int]:
+    """Columns and rows of a map."""
+    columns, rows = (max(2, round(side / spacing) + 1) for side in size)
+    return columns, rows
+
+
 def _map(size: tuple[float, float], spacing: float) -> Heightfield:
     """Level nodes over an area around the centre."""
-    columns, rows = (max(2, round(side / spacing) + 1) for side in size)
+    columns, rows = _nodes(size, spacing)
     origin = -0.5 * (columns - 1) * spacing, -0.5 * (rows - 1) * spacing
     level = np.zeros((rows, columns), np.float32)
     return Heightfield(elevation=level, spacing=spacing, origin=origin)
+
+
+def _extent(site: Site, source: Source | None, reach: float) -> Bounds:
+    """How far the DTM goes around the centre [m]."""
+    if source is None:
+        return _patch_bounds(site)
+    spec = at_hand(source.dtm, body=site.body)
+    raster = open_raster(spec, body=site.body, folder=source.folder)
+    with raster.dataset:
+        return raster_bounds(raster, site.crs, reach)
 
 
 def _grids(
@@ -145,7 +194,7 @@ def _grids(
     return grids
 
 
-def _patch_bounds(site: Site) -> tuple[float, float, float, float]:
+def _patch_bounds(site: Site) -> Bounds:
     """A rectangle around the centre within the patch of the DTM that a site holds."""
     from terrain_forge.dtm import PixelFrame, patch_pixels
 

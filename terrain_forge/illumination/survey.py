@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, OutputError, Progress, silent
+from terrain_forge.base import Array, OutputError, Progress, Stopwatch, silent
+from terrain_forge.building import pace, replacing, require_ours, write_manifest
 from terrain_forge.illumination.files import write_film, write_hours, write_maps, write_table
-from terrain_forge.illumination.land import Source, find_land
-from terrain_forge.illumination.period import light_over, moments_of, solar_day
+from terrain_forge.illumination.land import Land, Source, find_land
+from terrain_forge.illumination.period import Light, light_over, moments_of, solar_day
 from terrain_forge.making import place_of
 from terrain_forge.model import Site
-from terrain_forge.sky import days_of, look_up, moment_of, read_time, true_solar_time, utc_text
+from terrain_forge.sky import (
+    Above,
+    days_of,
+    look_up,
+    moment_of,
+    read_time,
+    true_solar_time,
+    utc_text,
+)
 
 _STEPS = 48
 _KEPT = 400
 """Moments of which the shadow maps are kept."""
 _UNITS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _FRAMES = 48
+_RAY, _NODE = 2e-6, 300.0
+"""Time that a ray takes [s], and memory that a node of the map takes beside its rays [bytes]."""
+LARGEST = 1e6
+"""Length of a map [m], at most."""
+HOLDS = "illumination"
+"""What the manifest of the folder says that it holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +50,7 @@ class Wish:
     end: str | None = None
     """Date that it ends with; a solar day later by default."""
     step: str | None = None
-    """Length of a step, such as 30m, 1h or 2d; a 48th of the period by default."""
+    """Length of a step with its unit, such as 30m, 1h or 2d; a 48th of the period by default."""
     size: tuple[float, float] | None = None
     """East and north extent of the map [m]; the site's by default."""
     spacing: float | None = None
@@ -44,72 +62,123 @@ class Wish:
     azimuths: int = 360
     """Directions of the horizon map."""
 
+    def __post_init__(self) -> None:
+        """Refuse lengths that are none.
+
+        Raises:
+            OutputError: names the length.
+        """
+        east, north = self.size or (None, None)
+        for name, value in (("size", east), ("size", north), ("spacing", self.spacing)):
+            if value is not None and not 0.0 < value <= LARGEST:
+                raise OutputError(f"{name} {value:g} m: above 0 m, at most {LARGEST:g} m")
+        for name, value in (("height", self.height), ("reach", self.reach)):
+            if not (isfinite(value) and value >= 0.0):
+                raise OutputError(f"{name} {value:g} m: 0 m or more")
+
 
 def illuminate(
-    site: Site, source: Source | None, out: Path, wish: Wish, *, progress: Progress = silent
+    site: Site,
+    source: Source | None,
+    out: Path | str,
+    wish: Wish,
+    *,
+    force: bool = False,
+    progress: Progress = silent,
+    tell: Callable[[str], None] | None = None,
 ) -> list[str]:
     """Find where the Sun shines over a period and write it; returns lines that tell of it.
 
     Args:
-        site: Where.
+        site: Where; it may be planned `by_night`.
         source: The recipe's DTM, to be read as far as it goes; None for what the site holds.
-        out: The folder to write.
+        out: The folder to write; an older one of `illuminate` is replaced when the new is whole.
         wish: What is to be found.
+        force: Whether files may be removed that lie in the older folder and are not its own.
         progress: Called with the part that is done.
+        tell: Called with a line on what it costs, before it begins.
 
     Raises:
         RecipeError: where no date tells the Sun's place, or nothing tells the heights.
-        OutputError: for a period that is none.
+        DataError: where the map reaches beyond the DTM.
+        OutputError: for a period that is none, a map that does not fit into memory, or a folder
+            that holds anything else.
+        StorageError: if the disk does not take it.
     """
+    watch, out = Stopwatch(progress), Path(out).resolve()
+    removed = require_ours(out, force=force, holds=HOLDS)
     place = place_of(site, key=("sun", "time"))
     begin = _begin(site, wish, place)
     end = read_time(wish.end) if wish.end else begin + solar_day(place[0])
     step = _length(wish.step) if wish.step else (end - begin) / _STEPS
     moments = moments_of(begin, end, step)
     read_time(moments[-1].isoformat())
-    progress("land", 0.0)
-    land = find_land(
-        site, source=source, size=wish.size, spacing=wish.spacing, reach=wish.reach,
-        height=wish.height,
-    )  # fmt: skip
-    light = light_over(
-        land, site, place, moments, step, azimuths=wish.azimuths, kept=_KEPT,
-        progress=lambda part: progress("rays", part),
-    )  # fmt: skip
-    above = look_up(*place, np.array([days_of(moment) for moment in moments]))
-    progress("files", 0.0)
-    out.mkdir(parents=True, exist_ok=True)
-    captions = [
-        f"{utc_text(moment)}  {true_solar_time(float(above.solar_time[n]))} solar  Sun "
-        f"{np.degrees(np.arcsin(above.sun[n, 2])):.1f} deg high"
-        for n, moment in enumerate(moments)
-    ]
-    lines = write_maps(out, light, land, site, [utc_text(moment) for moment in moments])
-    facts = {
-        "site": site.name,
-        "body": site.body.name,
-        "lonlat_deg": np.degrees(place[1]).round(6).tolist(),
-        "from": utc_text(begin),
-        "to": utc_text(end),
-        "step_h": step / timedelta(hours=1),
-        "looked": land.told,
-        "observers_m": wish.height,
-    }
-    write_table(out / "illumination.json", moments, above, light, facts)
-    hours = len(moments) * step / timedelta(hours=1)
-    write_hours(out / "sunlight_hours.png", light, hours)
-    lines += ["sunlight_hours.png", "illumination.json, where Sun and Earth stand"]
-    if len(light.moments) and write_film(
-        out / "shadows.webp", land, light, above, captions, _FRAMES
-    ):
-        lines.append("shadows.webp")
+    with replacing(out, force=force, holds=HOLDS) as folder:
+        watch("land")
+        kept = len(moments) if len(moments) <= _KEPT else 0
+        land = find_land(
+            site, source=source, size=wish.size, spacing=wish.spacing, reach=wish.reach,
+            height=wish.height, bytes_each=_NODE + 8.0 * wish.azimuths + 3.0 * kept,
+        )  # fmt: skip
+        rays = wish.azimuths + 2.0 * len(moments) * (len(moments) <= wish.azimuths)
+        seconds = pace() * _RAY * rays * len(land.points)
+        if tell is not None:
+            rows, columns = land.grid.shape
+            tell(f"{columns:,} × {rows:,} points, {rays:,.0f} rays each: about {seconds:,.0f} s")
+        watch.expect({"rays": seconds})
+        light = light_over(
+            land, site, place, moments, step, azimuths=wish.azimuths, kept=_KEPT,
+            progress=lambda part: watch("rays", part),
+        )  # fmt: skip
+        watch("files")
+        facts = {
+            "site": site.name,
+            "body": site.body.name,
+            "lonlat_deg": np.degrees(site.lonlat or (0.0, 0.0)).round(6).tolist(),
+            "from": utc_text(begin),
+            "to": utc_text(end),
+            "step_h": step / timedelta(hours=1),
+            "looked": land.told,
+            "observers_m": wish.height,
+        }
+        above = look_up(*place, np.array([days_of(moment) for moment in moments]))
+        hours = len(moments) * step / timedelta(hours=1)
+        lines = _write(folder, site, land, light, moments, above, facts, hours)
+        write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
     heading = (
+        *([f"removed from {out}: {', '.join(removed)}"] if removed else []),
         f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; looked {land.told}",
         f"sunlight {light.sunlight.mean():.4g} h of {hours:.4g} h on average, "
         f"{light.sunlight.min():.4g} to {light.sunlight.max():.4g} h; "
         f"{100 * light.never.mean():.3g} % of the ground is never lit",
     )
     return [*heading, *lines]
+
+
+def _write(
+    folder: Path,
+    site: Site,
+    land: Land,
+    light: Light,
+    moments: list[datetime],
+    above: Above,
+    facts: dict[str, Any],
+    hours: float,
+) -> list[str]:
+    """Write maps, table, pictures and film; returns lines that say what."""
+    captions = [
+        f"{utc_text(moment)}  {true_solar_time(float(above.solar_time[n]))} solar  Sun "
+        f"{np.degrees(np.arcsin(above.sun[n, 2])):.1f} deg high"
+        for n, moment in enumerate(moments)
+    ]
+    lines = write_maps(folder, light, land, site, [utc_text(moment) for moment in moments])
+    write_table(folder / "illumination.json", moments, above, light, facts)
+    write_hours(folder / "sunlight_hours.png", light, hours)
+    lines += ["sunlight_hours.png", "illumination.json, where Sun and Earth stand"]
+    film = folder / "shadows.webp"
+    if len(light.moments) and write_film(film, land, light, above, captions, _FRAMES):
+        lines.append(film.name)
+    return lines
 
 
 def _begin(site: Site, wish: Wish, place: tuple[object, Array | tuple[float, float]]) -> datetime:
@@ -128,11 +197,11 @@ def _length(text: str) -> timedelta:
         OutputError: where it is none.
     """
     number = text.rstrip("abcdefghijklmnopqrstuvwxyz ")
-    unit = text[len(number) :].strip() or "s"
+    unit = text[len(number) :].strip()
     try:
         seconds = float(number) * _UNITS[unit]
         if 0.0 < seconds < 1e9:
             return timedelta(seconds=seconds)
     except (ValueError, KeyError):
         pass
-    raise OutputError(f"--step {text!r}: a length such as 90s, 30m, 1h or 2d")
+    raise OutputError(f"--step {text!r}: a length with its unit, such as 90s, 30m, 1h or 2d")

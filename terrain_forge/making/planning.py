@@ -51,6 +51,7 @@ def plan(
     *,
     folder: Path | str = ".",
     heights: NDArray[np.float64] | None = None,
+    by_night: bool = False,
     progress: Progress = silent,
 ) -> Site:
     """Resolve a recipe once: read its inputs and fix everything that no window may change.
@@ -62,6 +63,7 @@ def plan(
         recipe: what to make.
         folder: what the recipe's paths are relative to.
         heights: the heights [m] of a recipe with `dtm: {kind: array}`, rows running north.
+        by_night: whether the Sun may be below the horizon; no world can be made of such a site.
         progress: called with the share of a terrain model that is fetched.
 
     Raises:
@@ -128,7 +130,8 @@ def plan(
         recipe_json=recipe_json(named),
     )
     require_straight(site)
-    light_of(site)
+    if not by_night:
+        light_of(site)
     check_layers(site.recipe.terrain.layers, site)
     check_materials(recipe.terrain.materials, site)
     check_appearance(recipe.terrain.appearance, site)

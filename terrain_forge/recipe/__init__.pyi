@@ -13,6 +13,7 @@ from .inputs import resolve as resolve
 from .inputs import sha256 as sha256
 from .limits import expected_nodes as expected_nodes
 from .limits import in_tiles as in_tiles
+from .limits import machine_memory as machine_memory
 from .limits import memory_needed as memory_needed
 from .limits import require_centre as require_centre
 from .limits import require_exports as require_exports

@@ -150,7 +150,7 @@ def _missing(recipe: Recipe, rocks: float, nodes: float | None = None) -> Recipe
     """What is said of a world that does not fit into memory; None for one that does."""
     nodes = nodes or expected_nodes(recipe)
     needed = memory_needed(nodes, rocks)
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    there = machine_memory()
     if needed <= there:
         return None
     key = ("terrain", "spacing_m") if nodes * BYTES_PER_NODE > needed / 2 else ("rocks",)
@@ -181,6 +181,11 @@ def rocks_of(site: Site) -> float:
     recipe = site.recipe
     listed = sum(len(site.table(table.file).values) for table in recipe.rocks.lists)
     return expected_rocks(recipe) + listed
+
+
+def machine_memory() -> int:
+    """Memory of this machine [bytes]."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def memory_needed(nodes: float, rocks: float) -> float:

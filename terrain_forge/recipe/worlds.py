@@ -79,7 +79,8 @@ class ArrivalSpec(Spec):
     starts: Annotated[int, Interval(ge=1, le=100_000)] = 500
     """Random starts, each with a goal that is drawn where the rover can stand."""
     distance_m: Positive | None = None
-    """How far the goal is from the start [m]; without it half of the world's shorter side."""
+    """How far the goal is from the start [m], at most half of a world's diagonal; without it half
+    of the world's shorter side."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,8 @@ from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
 from .options import InOrder as InOrder
+from .options import Number as Number
+from .options import Numbers as Numbers
 from .options import names_of as names_of
 from .options import side_by_side as side_by_side
 from .outcome import finish as finish

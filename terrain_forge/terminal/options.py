@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,48 @@ from terrain_forge.base import OutputError
 from terrain_forge.terminal.completion import complete_exporters, complete_keys, complete_recipes
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Number(click.FloatRange):
+    """A number that is finite, and within bounds where there are some."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number.
+
+        Raises:
+            click.BadParameter: if it is none.
+        """
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no finite number", param, ctx)
+        return number
+
+
+class Numbers(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """As many finite numbers with commas between them as the example has."""
+
+    name = "numbers"
+
+    def __init__(self, example: str, each: Number | None = None) -> None:
+        self._example, self._each = example, each or Number()
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The numbers.
+
+        Raises:
+            click.BadParameter: if they are not so many, or one is none.
+        """
+        parts, count = str(value).split(","), self._example.count(",") + 1
+        if len(parts) != count:
+            told = f"{count} numbers with commas between them, such as {self._example}"
+            self.fail(f"{value!r}: must be {told}", param, ctx)
+        return tuple(self._each.convert(part, param, ctx) for part in parts)
+
+
 OUT = click.argument("out", type=click.Path(path_type=Path))
 RECIPE = click.argument("recipe", type=click.Path(path_type=Path), shell_complete=complete_recipes)
 SET = click.option(

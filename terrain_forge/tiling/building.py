@@ -20,6 +20,7 @@ from terrain_forge.base import (
     size_text,
 )
 from terrain_forge.building import BuildResult, holding, storing
+from terrain_forge.tiling.checking import judge_again
 from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
@@ -134,6 +135,7 @@ def build_tiles(
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
             write_manifest(order, joined["manifest"])
+            judge_again(order, joined["manifest"])
     watch.figures.update(
         tiles=len(order.grid), tiles_made=pace.made,
         workers=processors() if workers is None else workers,

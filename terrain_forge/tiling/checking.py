@@ -18,7 +18,7 @@ from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
 _NAMED = 8
 _FEW = 16
 """Tiles that are read in this process."""
-_COUNTS = "truth/size_frequency.json"
+_COUNTS, REPORT = "truth/size_frequency.json", "validation/report.json"
 VALIDATE_STAGES = ("tiles", "manifest")
 """Stages of a validation."""
 
@@ -63,22 +63,39 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
             bad += [f"{where}: {result}"] if isinstance(result, Exception) else result
             watch(f"tiles: {done} of {count}", done / count)
         watch("manifest")
-        bad += _of_site(order, manifest)
-        checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
-        if not any(name.startswith(f"{_COUNTS} ") for name in bad):
-            pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
-            checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
-        told = [*(to_plain_check(check) for check in checks), *checks_of_drive(order)]
-        report = {
-            "format": FORMAT,
-            "checks": told,
-            "conformance": [],
-            "damaged": sorted(bad),
-        }
-        with storing(out, out):
-            (out / "validation").mkdir(exist_ok=True)
-            text = json.dumps(report, indent=1) + "\n"
-            (out / "validation/report.json").write_text(text, encoding="utf-8")
+        return _judge(order, [*bad, *_of_site(order, manifest)])
+
+
+def judge_again(order: TileOrder, manifest: dict[str, Any]) -> None:
+    """Judge what an earlier validation found damaged anew, after a build has made it again."""
+    try:
+        before = json.loads((order.out / REPORT).read_text("utf-8"))["damaged"]
+        places = {"/".join(name.partition(":")[0].split("/")[:3]) for name in before}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return  # there was none
+    if places:
+        tiles = [n for n in range(len(order.grid)) if order.grid.folder(n) in places]
+        bad = [name for number in tiles for name in check_tile(str(order.out), number)]
+        _judge(order, [*bad, *_of_site(order, manifest)])
+
+
+def _judge(order: TileOrder, bad: list[str]) -> bool:
+    """Write the report; whether all is as it was built."""
+    out = order.out
+    checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
+    if not any(name.startswith(f"{_COUNTS} ") for name in bad):
+        pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
+        checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
+    told = [*(to_plain_check(check) for check in checks), *checks_of_drive(order)]
+    report = {
+        "format": FORMAT,
+        "checks": told,
+        "conformance": [],
+        "damaged": sorted(bad),
+    }
+    with storing(out, out):
+        (out / REPORT).parent.mkdir(exist_ok=True)
+        (out / REPORT).write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     return all(check["passed"] for check in told)
 
 

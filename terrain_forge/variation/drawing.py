@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -85,6 +86,7 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         elif key != _CENTRE:
             raise RecipeError(f"only {_CENTRE} can be `anywhere`", key=("worlds", "vary", key))
     own = _checked(plain)
+    _require_goals(own, spec.arrival.distance_m)
     if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
         rank = level if _ranked(spec, own, level) else None
         own, site, place = _placed(own, recipe.seed, number, folder, spec, rank)
@@ -167,6 +169,18 @@ def _checked(plain: dict[str, Any]) -> Recipe:
         return recipe_from_json(json.dumps(plain))
     except RecipeError as error:
         raise RecipeError(f"what is drawn cannot be: {error}", key=("worlds",)) from None
+
+
+def _require_goals(own: Recipe, distance: float | None) -> None:
+    """Refuse goals so far away that starts in a world's middle would have none within it."""
+    east, north = own.dtm.size_m
+    most = 0.5 * math.hypot(east, north)
+    if distance is not None and distance > most:
+        raise RecipeError(
+            f"{distance:g} m: at most {most:.4g} m, half the diagonal of a world of {east:g} × "
+            f"{north:g} m, lest there is no goal within it",
+            key=("worlds", "arrival", "distance_m"),
+        )
 
 
 def _ranked(spec: WorldsSpec, own: Recipe, level: float | None) -> bool:

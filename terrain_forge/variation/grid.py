@@ -10,19 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Progress, Stopwatch, silent
+from terrain_forge.base import Array, OutputError, Progress, Stopwatch, silent
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Appearance, Heightfield, World
 from terrain_forge.recipe import (
+    MOST_WORLDS,
     DifficultySpec,
+    ExportOrder,
     Recipe,
     RecipeFile,
     WorldsSpec,
     load_recipe,
+    machine_memory,
+    memory_needed,
     recipe_from_json,
     recipe_json,
+    require_exports,
 )
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
@@ -59,7 +64,8 @@ def make_grid(
         progress: Called with the share that is made.
 
     Raises:
-        RecipeError, DataError, OutputError, StorageError: as `build`.
+        RecipeError, DataError, OutputError, StorageError: as `build`; also for a scene of more
+            worlds than a series has, or that does not fit into memory or a format.
     """
     given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
     if isinstance(given, RecipeFile):
@@ -69,7 +75,8 @@ def make_grid(
     require_ours(out)
     orders = orders_of(recipe, only)
     margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)
-    whole, cells = _assembled(recipe, folder, shape, margin, progress)
+    _require_fits(recipe, shape, margin)
+    whole, cells = _assembled(recipe, folder, shape, margin, orders, progress)
     with replacing(out) as directory:
         exports = tuple(write_export(whole, directory, order) for order in orders)
         write_truth(whole, directory, figures=False)
@@ -80,13 +87,41 @@ def make_grid(
     return out
 
 
+def _require_fits(recipe: Recipe, shape: tuple[int, int], margin: int) -> None:
+    """Refuse a scene of too many worlds, or one that would not fit into this machine's memory."""
+    rows, columns = shape
+    told = f"a grid of {rows:,} × {columns:,} worlds"
+    if not (rows > 0 and columns > 0 and rows * columns <= MOST_WORLDS):
+        raise OutputError(f"{told}: 1 to {MOST_WORLDS:,} in all")
+    across, up = _cells(recipe, margin)
+    nodes = float(columns * across + 1) * float(rows * up + 1)
+    needed, there = memory_needed(nodes, 0.0), machine_memory()
+    if needed > there:
+        raise OutputError(
+            f"{told} is a scene of {nodes:.3g} nodes, which needs about {needed / 1e9:.3g} GB of "
+            f"memory, this machine has {there / 1e9:.3g} GB: ask for fewer, or for worlds apart "
+            "with --count"
+        )
+
+
+def _cells(recipe: Recipe, margin: int) -> tuple[int, int]:
+    """Cells of a world with its border, east and north."""
+    east, north = (round(side / recipe.terrain.spacing_m) for side in recipe.dtm.size_m)
+    return east + 2 * margin, north + 2 * margin
+
+
 def _assembled(
-    recipe: Recipe, folder: Path, shape: tuple[int, int], margin: int, progress: Progress
+    recipe: Recipe,
+    folder: Path,
+    shape: tuple[int, int],
+    margin: int,
+    orders: tuple[ExportOrder, ...],
+    progress: Progress,
 ) -> tuple[World, list[dict[str, Any]]]:
     """The world of all, and what each of its parts is."""
     rows, columns = shape
     spacing = recipe.terrain.spacing_m
-    across, up = (round(length / spacing) + 2 * margin for length in recipe.dtm.size_m)
+    across, up = _cells(recipe, margin)
     site = plan(
         replace(
             recipe,
@@ -101,6 +136,7 @@ def _assembled(
         ),
         folder=folder,
     )
+    require_exports(orders, site)
     elevation = np.zeros((rows * up + 1, columns * across + 1), np.float32)
     colours = np.zeros((*elevation.shape, 3), np.uint8)
     fields, cells, number = [], [], 0

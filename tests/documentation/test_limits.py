@@ -9,9 +9,10 @@ import pytest
 from terrain_forge.base import specs
 from terrain_forge.building import manifest
 from terrain_forge.dtm import download, raster, window
+from terrain_forge.illumination import period, survey
 from terrain_forge.model import world
 from terrain_forge.paths import curves, recorded, routes
-from terrain_forge.recipe import file
+from terrain_forge.recipe import file, worlds
 from terrain_forge.rocks import populations
 from terrain_forge.rocks.laws import counts
 from terrain_forge.rocks.shapes import custom_mesh
@@ -42,6 +43,10 @@ ROWS = {
     f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each, or {populations.MOST_ROCKS:,.0f} evenly "
     "spread ones in all",
     "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
+    "many worlds": f"{worlds.MOST_WORLDS:,} of a series; a scene of a `--grid` of as many, and "
+    "what memory holds; goals within half of a world's diagonal",
+    "a map of light": f"the DTM's area, {survey.LARGEST / 1e3:,.0f} km a side; what memory holds, "
+    f"about 8 bytes for each point and azimuth; {period.MOST:,} moments",
     "a saved world": f"{world.MAX_JSON // MIB:,} MiB of world.json; {manifest.MAX_MANIFEST // MIB} "
     "MiB of manifest.json; arrays.npz and shared.npz uncompressed, of the size that they say",
 }

@@ -12,10 +12,12 @@ from rasterio.transform import from_origin
 
 import terrain_forge as tf
 from terrain_forge.base import DataError, OutputError, RecipeError
+from terrain_forge.building import require_ours
 from terrain_forge.illumination import Relief, Source, Wish, horizon_slopes, illuminate, seen_part
 from terrain_forge.making import place_of, plan
 from terrain_forge.model import MARS, MOON, Heightfield
 from terrain_forge.sky import days_of, look_up, read_time
+from tests.helpers.command_line import run
 
 _RADIUS = 1_737_400.0
 _POSTING, _SIDE = 20.0, 200
@@ -182,7 +184,7 @@ def test_horizon_maps_serve_many_moments(pole, tmp_path):
         with rasterio.open(folder / "sunlight_hours.tif") as made:
             hours.append(made.read(1))
         with rasterio.open(folder / "horizon.tif") as made:
-            assert made.descriptions[0] == "height of the horizon towards 0 deg from north"
+            assert made.descriptions[0] == "height of the horizon 0 deg from grid north"
         assert (folder / "shadows.webp").stat().st_size > 1000
     assert np.abs(hours[0] - hours[1]).mean() < 0.1 * 24 * 28
     with rasterio.open(folders[0] / "never_lit.tif") as made:
@@ -195,9 +197,17 @@ def test_horizon_maps_serve_many_moments(pole, tmp_path):
     [
         ({"begin": "2030-02-01", "end": "2030-01-01"}, OutputError, "must be after"),
         ({"begin": "2030-02-01", "step": "soon"}, OutputError, "such as 90s, 30m, 1h or 2d"),
+        ({"begin": "2030-02-01", "step": "5"}, OutputError, "a length with its unit"),
         ({"begin": "1999-01-01", "end": "2040-01-01", "step": "60s"}, OutputError, "at most"),
         ({"begin": "2055-01-01"}, RecipeError, "1950"),
         ({"begin": "2030-01-01", "size": (9000.0, 9000.0)}, DataError, "reaches beyond the DTM"),
+        (
+            {"begin": "2030-01-01", "size": (1e6, 1e6)},
+            DataError,
+            "beyond the DTM, which",
+        ),
+        ({"begin": "2030-01-01", "spacing": 1e-3}, OutputError, "points needs about .* GB"),
+        ({"begin": "2030-01-01", "spacing": 900.0}, OutputError, "a side of the map is 240 m"),
     ],
 )
 def test_what_cannot_be_found_is_refused(pole, tmp_path, wish, error, told):
@@ -207,6 +217,68 @@ def test_what_cannot_be_found_is_refused(pole, tmp_path, wish, error, told):
     with pytest.raises(error, match=told):
         illuminate(site, source, tmp_path, Wish(**wish))
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [{"height": np.nan}, {"height": -1.0}, {"reach": np.inf}, {"spacing": 0.0}, {"spacing": np.nan},
+     {"size": (-5.0, 40.0)}, {"size": (40.0, np.inf)}],
+)  # fmt: skip
+def test_a_length_is_a_number(wish):
+    with pytest.raises(OutputError, match=f"^{next(iter(wish))} "):
+        Wish(**wish)
+
+
+def test_a_folder_that_holds_anything_else_stays(pole, tmp_path):
+    file, _ = pole
+    site, light = plan(file.recipe, folder=file.folder), tmp_path / "light"
+    source = Source(dtm=file.recipe.dtm, folder=file.folder)
+    wish = Wish(begin="2030-08-01", end="2030-08-02", step="6h", size=(40.0, 40.0), azimuths=8)
+    mine = tmp_path / "mine" / "horizon.tif"
+    mine.parent.mkdir()
+    mine.write_text("my own")
+    told: list[str] = []
+    with pytest.raises(OutputError, match="not a terrain-forge illumination"):
+        illuminate(site, source, mine.parent, wish)
+    assert (mine.read_text(), [*mine.parent.iterdir()]) == ("my own", [mine])
+    for _ in range(2):  # an older one of ours is replaced
+        illuminate(site, source, light, wish, tell=told.append)
+    assert told[0].startswith("17 × 17 points, 16 rays each: about ")
+    manifest = json.loads((light / "manifest.json").read_text())
+    assert {*manifest["outputs"], "manifest.json"} == {path.name for path in light.iterdir()}
+    (light / "note").write_text("my own")
+    with pytest.raises(OutputError, match="1 file that its manifest does not list: note"):
+        illuminate(site, source, light, wish)
+    assert illuminate(site, source, light, wish, force=True)[0].endswith("light: note")
+    with pytest.raises(OutputError, match="holds a terrain-forge illumination, no world"):
+        require_ours(light)
+    (light / "manifest.json").write_text(json.dumps({**manifest, "holds": "world"}))
+    with pytest.raises(OutputError, match="holds a terrain-forge world, no illumination"):
+        illuminate(site, source, light, wish, force=True)
+
+
+def test_a_sol_may_begin_by_night_and_names_the_place_as_its_map_does(tmp_path, monkeypatch):
+    """On Mars a map's latitudes are from the planet's centre, the Sun's are not."""
+    side = 40
+    with rasterio.open(
+        tmp_path / "mars.tif", "w", driver="GTiff", height=side, width=side, count=1,
+        dtype="float32", transform=from_origin(1e6, 1.2e6, _POSTING, _POSTING),
+        crs="+proj=eqc +R=3396190 +units=m +no_defs",
+    ) as raster:  # fmt: skip
+        raster.write((40.0 * rough(side, side)).astype(np.float32), 1)
+    (tmp_path / "sol.yaml").write_text(
+        "name: sol\nbody: mars\ndtm: {source: mars.tif, size_m: [200, 200]}\n"
+        'terrain: {spacing_m: 4}\nsun: {time: 2031-02-18, ltst: "00:00"}\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    assert "it is night" in run("check", "sol.yaml").stderr
+    done = run("illumination", "sol.yaml", "--size", 40, 40, "--azimuths", 8)
+    assert done.returncode == 0, done.stderr
+    table = json.loads((tmp_path / "sol_illumination" / "illumination.json").read_text())
+    up = [row["sun_elevation_deg"] > 0.0 for row in table["moments"]]
+    assert (len(up), up[0], up[24], up[-1]) == (48, False, True, False)
+    site = plan(tf.load_recipe("sol.yaml").recipe, folder=tmp_path, by_night=True)
+    assert np.radians(table["lonlat_deg"]) == pytest.approx(np.array(site.lonlat), abs=1e-8)
 
 
 def test_a_flat_site_has_nothing_to_show(tmp_path):

@@ -5,6 +5,7 @@ import os
 import re
 from dataclasses import fields
 
+import click
 import numpy as np
 import pytest
 import rasterio
@@ -12,8 +13,9 @@ from PIL import Image
 from terrain_forge.exporters import sdf
 
 import terrain_forge as tf
+from terrain_forge.cli import cli
 from terrain_forge.recipe import json_schema, starters
-from terrain_forge.terminal import say
+from terrain_forge.terminal import Number, say
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -173,6 +175,43 @@ def test_only_names_an_exporter_or_a_folder(recipe, tmp_path):
     done = run("build", recipe, "-o", tmp_path / "out", "--only", "sdf,blend")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "--only blend: unknown exporter 'blend', installed: drake" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "cut site --size 10,8 --centre nan,0",
+        "cut site --centre 0,0 --size inf,8",
+        "evaluate hz --map p.ply --area nan,0,1,1",
+        "evaluate hz --map p.ply --cell nan",
+        "record hz --from nan",
+        "record hz --from 0 --to inf",
+        "illumination r.yaml --spacing 5 --size nan 40",
+        "illumination r.yaml --reach nan",
+    ],
+)
+def test_a_number_is_finite(line):
+    option = line.split("--")[-1].split()[0]
+    done = run(*line.split())
+    assert (done.returncode, len(done.complaints)) == (2, 1), done.stderr
+    assert f"Invalid value for '--{option}': " in done.stderr
+    assert re.search(r"is no finite number|is not in the range", done.stderr)
+
+
+def test_no_option_takes_what_is_no_number():
+    """NaN is neither below nor above a bound of click's own types."""
+    for name, command in cli.commands.items():
+        for option in command.params:
+            kinds = getattr(option.type, "types", [option.type])
+            plain = [k for k in kinds if isinstance(k, click.types.FloatParamType)]
+            assert all(isinstance(kind, Number) for kind in plain), (name, option.name)
+
+
+@pytest.mark.parametrize("given", ["1", "1,2,3", "a,b", "1,", ""])
+def test_two_numbers_are_two(given):
+    done = run("cut", "site", "--size", "8,8", "--centre", given)
+    assert (done.returncode, len(done.complaints)) == (2, 1), done.stderr
+    assert "Invalid value for '--centre'" in done.stderr
 
 
 def test_no_arguments_show_the_help():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, RecipeError
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import World
@@ -121,6 +121,16 @@ def test_a_second_model_elsewhere_is_refused(site_in_hills, tmp_path):
     nowhere = FlatDtm(size_m=(100.0, 80.0))
     with pytest.raises(DataError, match="needs a georeferenced site"):
         plan(recipe(nowhere, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
+
+
+def test_a_horizon_is_not_beyond_the_body():
+    at_most = HorizonSpec(reach_m=0.2499 * 3389500.0)
+    assert plan(recipe(FlatDtm(size_m=(8.0, 8.0)), at_most)).surroundings == ()
+    for reach in (0.2501 * 3389500.0, 1e9, 1e12):
+        far = HorizonSpec(reach_m=reach)
+        with pytest.raises(RecipeError, match="a quarter of the radius of mars") as told:
+            plan(recipe(FlatDtm(size_m=(8.0, 8.0)), far))
+        assert told.value.key == ("horizon", "reach_m")
 
 
 def test_flat_ground_goes_on_as_rough_as_it_is_and_then_level(tmp_path):

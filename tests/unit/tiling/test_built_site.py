@@ -40,21 +40,40 @@ def test_a_damaged_file_is_found(copied, name):
     assert f"{name} is damaged" in damaged
 
 
+def test_a_build_judges_anew_what_it_made_anew(copied, recipe):
+    (copied / "truth/size_frequency.json").write_text("{}")
+    assert not pipeline.validate(copied)
+    tf.build(tf.load_recipe(recipe).recipe, copied, workers=0)
+    report = json.loads((copied / "validation/report.json").read_text())
+    assert report["damaged"] == []
+    assert [check["passed"] for check in report["checks"]] == [True, True]
+
+
 @pytest.mark.slow
 def test_a_missing_tile_is_found_and_made_anew(copied, recipe, built):
     shutil.rmtree(copied / "tiles/000/002")
     done = command.run("validate", copied)
     assert done.returncode == 1
     assert "tiles/000/002/tile.json is missing" in done.stderr
-    tf.build(tf.load_recipe(recipe).recipe, copied, workers=0)
+    path = copied / "tiles/000/001/geotiff/elevation.tif"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert command.run("validate", copied).returncode == 1
+    done = command.run("build", recipe, "-o", copied, "--workers", 0)
+    assert "fails as before: tiles" in done.complaints[0], "what was not moved away stays damaged"
+    shutil.rmtree(copied / "tiles/000/001")
+    done = command.run("build", recipe, "-o", copied, "--workers", 0)
+    assert (done.returncode, done.complaints) == (0, [])
     for path in (built / "tiles/000/002").rglob("*.*"):
         assert path.read_bytes() == (copied / path.relative_to(built)).read_bytes()
 
 
 def test_a_part_becomes_a_world_of_its_own(built, whole, tmp_path):
     out = tmp_path / "part"
-    result = pipeline.cut(built, out, centre=(1.0, 2.5), size=(24.0, 10.0), only=("mjcf",))
-    assert result.passed
+    place = "--centre", "1.1,2.5", "--size", "24.1,10"
+    done = command.run("cut", built, *place, "--only", "mjcf", "-o", out)
+    assert done.returncode == 0
+    told = "24 × 10 m around 1,2.5, asked for 24.1 × 10 m around 1.1,2.5"
+    assert f"whole cells of 0.25 m: {told}" in done.stdout
     world = tf.World.load(out)
     wanted = whole.tile(world.window, number=0)
     assert np.array_equal(world.ground.elevation, wanted.ground.elevation)

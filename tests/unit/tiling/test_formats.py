@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import terrain_forge as tf
 from terrain_forge.truth.tiled import write_parquet
 from tests.unit.exporters.test_glb import gltf_issues, require_gltf_validator
+from tests.unit.tiling.conftest import write_recipe
 
 LEVELS = ("full", "quarter", "sixteenth")
 
@@ -44,6 +46,19 @@ def test_usd_tiles_meet_at_any_levels(built, one, other):
         assert len(sides[0][0]) == 81
         assert np.array_equal(sides[0][0], sides[1][0])
         assert np.array_equal(sides[0][1], sides[1][1])
+
+
+def test_a_small_tile_is_there_at_all_levels(tmp_path):
+    """At the site's end a tile may have too few cells for a level: its coarsest stands for it."""
+    changes = {"size_m: [50, 40]": "size_m: [25.25, 5]", "k: 0.08": "k: 0.02"}
+    recipe = write_recipe(tmp_path, exports="usd", **changes)
+    tf.build(tf.load_recipe(recipe).recipe, tmp_path / "two", workers=0)
+    assert not (tmp_path / "two/tiles/000/001/usd/ground_sixteenth.usdc").exists()
+    for column, cells in ((0, 80), (1, 21)):
+        finest, *_, coarsest = (
+            len(usd_ground(tmp_path / "two", 0, column, level)[0]) for level in LEVELS
+        )
+        assert (cells + 1) * 21 == finest > coarsest
 
 
 def test_usd_has_each_rock_once(built, whole):

@@ -169,6 +169,37 @@ def test_a_wrong_wish_is_told_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("shape", "why"),
+    [
+        ((300, 300), r"300 × 300 worlds is a scene of 1\.3e\+11 nodes, .* GB"),
+        ((100_000, 100_000), "100,000 × 100,000 worlds: 1 to 100,000 in all"),
+        ((0, 3), "0 × 3 worlds: 1 to"),
+    ],
+)
+def test_a_scene_too_large_is_told_before_work_begins(
+    tmp_path: Path, shape: tuple[int, int], why: str
+) -> None:
+    with pytest.raises(tf.OutputError, match=why):
+        make_grid(
+            recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.01)),
+            tmp_path / "out", shape=shape,
+        )  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_goals_lie_within_the_world(tmp_path: Path) -> None:
+    path = recipe(tmp_path, lambda p: p["worlds"].update(arrival={"distance_m": 5.7}))
+    with pytest.raises(
+        tf.RecipeError, match=r"5\.7 m: at most 5\.657 m, half the diagonal"
+    ) as told:
+        worlds(path, tmp_path / "out")
+    assert told.value.key == ("worlds", "arrival", "distance_m")
+    with pytest.raises(tf.RecipeError, match="half the diagonal"):
+        make_grid(path, tmp_path / "out", shape=(1, 1))
+    assert not (tmp_path / "out").exists()
+
+
 def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> None:
     before = contents(made)
     other = recipe(tmp_path, lambda plain: plain.update(seed=4))
@@ -187,7 +218,12 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
     done = run("worlds", path, "-o", made, "--workers", 0)
     assert done.returncode == 0, done.stderr
     assert "4 worlds, 0 made now" in done.stdout
-    assert run("worlds", path, "--grid", "3by2").returncode == 2
+    for grid in ("3by2", "0x4", "9" * 5000 + "x1"):
+        assert "such as 5x8" in run("worlds", path, "--grid", grid).complaints[0]
+    for option in (("--count", 3), ("--workers", 2), ("--scheduler", "local")):
+        done = run("worlds", path, "--grid", "2x2", *option, "-o", tmp_path / "no")
+        assert (done.returncode, len(done.complaints)) == (2, 1)
+        assert f"{option[0]} has no effect beside --grid" in done.stderr
     wrong = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"sun.tilt": {}}))
     done = run("worlds", wrong, "-o", tmp_path / "out")
     assert done.returncode == 2
