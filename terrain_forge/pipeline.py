@@ -266,7 +266,7 @@ def export(
     force: bool = False,
     progress: Progress | bool = False,
 ) -> bool:
-    """Write further formats from a built world, then validate.
+    """Write further formats from a built world, then validate; drives that still hold are kept.
 
     Args:
         out: The built folder.
