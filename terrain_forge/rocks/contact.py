@@ -31,7 +31,7 @@ class WindContact(Spec):
 
     Each rock has 0 to twice of it, drawn evenly, and a wind of its own within 15° of the site's.
     Drifts and tails: Greeley et al. 1999, doi:10.1029/98JE02553; moats: Pelletier et al. 2009,
-    doi:10.1130/G25132A.1. Neither tells sizes as a law: the shares below are assumptions.
+    Geology 37, 55. No law of sizes was found: the shares below are assumptions.
     """
 
     kind: Literal["wind"] = "wind"
@@ -54,15 +54,15 @@ class FilletContact(Spec):
     """Fillets: what impacts wear off a rock lies about its foot.
 
     A rock wears by 0.2 mm in 10⁶ years if it is of centimetres and 20 mm if it is of 10 m, a power
-    law between; what its sides lose makes a fillet that ends at the rock at 25°. Rüsch & Wöhler
-    2022, doi:10.1016/j.icarus.2022.115088; their fillets diffuse, ours keep that angle.
+    law between; what its sides lose makes a fillet that ends at the rock at 25°. Rüsch &
+    Wöhler, "The fillet of a rock on the Moon", from the abstract; their fillets diffuse as well.
     """
 
     kind: Literal["fillets"] = "fillets"
     exposure_myr: Annotated[float, Interval(ge=0, le=1000)] = 20.0
     """Mean time for which the rocks have lain there [10⁶ years]; each rock's own is drawn evenly
-    from 0 to twice that. Half of metre-sized rocks last 40 to 80 (Basilevsky et al. 2013,
-    doi:10.1016/j.pss.2013.07.011)."""
+    from 0 to twice that. Half of the rocks above 2 m last 40 to 80 (Basilevsky et al. 2013,
+    Planet. Space Sci. 89, 118)."""
 
 
 Contact = Annotated[NoContact | WindContact | FilletContact, BY_KIND]
