@@ -17,8 +17,8 @@ _AWAY = 100.0
 """From how many widths of a map it is looked at: relief then leans by a thousandth of it."""
 
 _BRIGHT, _BRIGHT_GROUND = 0.7, 0.35
-"""Median of what shines in a picture above which it is exposed less, over white level ground: with a
-sky, and where a part of it is black."""
+"""Median of what shines in a picture above which it is exposed less, over white level ground: with
+a sky, and where a part of it is black."""
 
 
 def take_picture(
