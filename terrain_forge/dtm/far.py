@@ -129,8 +129,8 @@ def _level(
         posting=2.0 * half * step / float(min(wide, high)),
         source=PurePath(source).name,
     )  # fmt: skip
-    ring = (1.0 - 2.0 * _FADE / max(min(wide, high) / step, 1.0)) * half * _AROUND
-    column, row = patch_pixels(whole, crs, *ring)
+    faded = 2.0 * min(_FADE * step / max(min(wide, high), 1e-9), 0.25)
+    column, row = patch_pixels(whole, crs, *((1.0 - faded) * half * _AROUND))
     rows, columns = raster.shape
     on = (row >= 0.0) & (row <= rows - 1) & (column >= 0.0) & (column <= columns - 1)
     return level, not (raster.goes_round or on.any())
