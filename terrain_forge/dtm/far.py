@@ -22,13 +22,20 @@ _POSTS = 128
 _FEWEST = 8
 """Samples that a window has at least, each way."""
 _FADE = 12
-"""Samples over which heights fade out where they end; a quarter of a smaller window."""
+"""Samples over which heights fade out at a window's border, and beyond what is measured; a quarter
+of a smaller window."""
 _AVERAGED = 2**20
 """Samples of a window up to which all are read and averaged; of more, each so manieth is read."""
 _MOST = 2**24
 """Samples that may have to be decoded for a window."""
 _EDGE = 8.0
 """Samples over which a window fades into the next one."""
+_SIDE = np.linspace(-1.0, 1.0, 65)
+_AROUND = np.stack(
+    [np.concatenate([_SIDE, _SIDE, 0.0 * _SIDE - 1.0, 0.0 * _SIDE + 1.0]),
+     np.concatenate([0.0 * _SIDE - 1.0, 0.0 * _SIDE + 1.0, _SIDE, _SIDE])]
+)  # fmt: skip
+"""East and north of points around a square of side 2."""
 _EYE = 50.0
 """Height above the site's middle from which the horizon is looked for [m]."""
 
@@ -83,7 +90,10 @@ def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -
 def _level(
     raster: Raster, source: str, crs: str, to_pixel: tuple[float, ...], half: float
 ) -> tuple[FarHeights, bool] | None:
-    """A window of that half side, and whether the raster ends in it; None where nothing is had."""
+    """A window of that half side, and whether the raster ends in it; None where nothing is had.
+
+    Where the raster ends, its border's heights go on for the samples in which they fade out.
+    """
     whole = placed(raster, crs, to_pixel)
     steps = np.linspace(-half, half, 9)
     column, row = patch_pixels(whole, crs, *np.meshgrid(steps, steps))
@@ -91,24 +101,27 @@ def _level(
         return None
     wide, high = np.ptp(column), np.ptp(row)
     step = max(int(max(wide, high) / _POSTS), 1)
-    top, down = _span(row, raster.shape[0], step)
-    left, across = _span(column, raster.shape[1], step, goes_round=raster.goes_round)
+    top, down, *above = _span(row, raster.shape[0], step)
+    left, across, *beside = _span(column, raster.shape[1], step, goes_round=raster.goes_round)
     if min(down, across) < _FEWEST:
         return None
     read = _read(raster, slice(top, top + down * step), slice(left, left + across * step), step)
     if read is None:
         return None
-    heights, valid = read
-    if valid.mean() < 0.1:
+    heights, known = read
+    if known.mean() < 0.1:
         return None
+    more = [min(n, _FADE) for n in above], [min(n, _FADE) for n in beside]
+    valid = np.pad(known, more)
+    heights = np.pad(fill_holes(heights, known), more, mode="edge")
     a, b, c, d, e, f = to_pixel
     half_step = 0.5 * (step - 1)
     level = FarHeights(
-        heights=fill_holes(heights, valid).astype(np.float32),
+        heights=heights.astype(np.float32),
         weight=_weight(valid).astype(np.float32),
         to_pixel=(
-            a / step, b / step, (c - left - half_step) / step,
-            d / step, e / step, (f - top - half_step) / step,
+            a / step, b / step, (c - left - half_step) / step + more[1][0],
+            d / step, e / step, (f - top - half_step) / step + more[0][0],
         ),
         crs=raster.crs,
         wrap=whole.wrap,
@@ -116,18 +129,26 @@ def _level(
         posting=2.0 * half * step / float(min(wide, high)),
         source=PurePath(source).name,
     )  # fmt: skip
-    ends = down * step < high and across * step < wide
-    return level, bool(ends)
+    faded = 2.0 * min(_FADE * step / max(min(wide, high), 1e-9), 0.25)
+    column, row = patch_pixels(whole, crs, *((1.0 - faded) * half * _AROUND))
+    rows, columns = raster.shape
+    on = (row >= 0.0) & (row <= rows - 1) & (column >= 0.0) & (column <= columns - 1)
+    return level, not (raster.goes_round or on.any())
 
 
-def _span(places: Array, length: int, step: int, *, goes_round: bool = False) -> tuple[int, int]:
-    """First sample and number of steps that lie within the raster, or once around the body."""
+def _span(
+    places: Array, length: int, step: int, *, goes_round: bool = False
+) -> tuple[int, int, int, int]:
+    """First sample and number of steps that lie within the raster, or once around the body.
+
+    Then how many steps the window goes on before and after them.
+    """
     first, last = floor(float(places.min())), ceil(float(places.max())) + 1
     if goes_round:
-        last = min(last, first + length)
-    else:
-        first, last = max(first, 0), min(last, length)
-    return first, max((last - first) // step, 0)
+        return first, (min(last, first + length) - first) // step, 0, 0
+    begin, end = max(first, 0), min(last, length)
+    count = max((end - begin) // step, 0)
+    return begin, count, (begin - first) // step, max(last - begin - count * step, 0) // step
 
 
 def _read(raster: Raster, rows: slice, columns: slice, step: int) -> tuple[Array, Mask] | None:
@@ -186,11 +207,14 @@ def _datum_rise(
 
 
 def _weight(valid: Mask) -> Array:
-    """1 within, fading to 0 where what is measured ends."""
+    """1 where heights are measured, fading to 0 beyond that and towards the window's border."""
     from scipy.ndimage import distance_transform_edt
 
-    away = distance_transform_edt(np.pad(valid, 1))[1:-1, 1:-1]
-    part = np.clip((away - 1.0) / min(_FADE, 0.25 * min(valid.shape)), 0.0, 1.0)
+    across = min(_FADE, 0.25 * min(valid.shape))
+    row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in valid.shape)
+    inside = np.minimum(row[:, None], column[None, :])
+    beyond = distance_transform_edt(~valid)
+    part = np.clip(np.minimum(inside, across - beyond) / across, 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))
 
 

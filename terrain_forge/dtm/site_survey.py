@@ -138,7 +138,7 @@ def _beyond(
             )
     steps = np.linspace(-0.5, 0.5, 9)
     east, north = np.meshgrid(steps * size[0], steps * size[1])
-    if not levels or float(weights_at(levels[0], crs, east, north).min()) <= 0.0:
+    if not levels or float(weights_at(levels[0], crs, east, north).min()) < 0.999:
         raise DataError(f"{horizon.dtm} does not reach around the site", key=("horizon", "dtm"))
     own = 0.0
     if patch is not None:

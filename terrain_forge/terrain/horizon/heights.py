@@ -66,7 +66,7 @@ def shape_horizon(
     known = [
         ring.away
         for ring, a, b in zip(rings, starts[:-1], starts[1:], strict=True)
-        if weight[a:b].mean() > 0.5
+        if (weight[a:b] > 0.99).mean() > 0.5
     ]
     followed = max(known, default=0.0)
     return Horizon(

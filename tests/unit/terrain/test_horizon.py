@@ -89,8 +89,23 @@ def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hill
     near = away < 300.0
     assert np.abs(found - wanted)[near].max() < 0.3
     assert np.abs(found - wanted).max() < 4.0  # the rings are 10 % apart, the hills 20 m high
-    assert 2000.0 < horizon.followed < 4000.0
+    assert 3500.0 < horizon.followed < 4020.0
     assert "level" in horizon.told
+
+
+def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):
+    """In its corners too: what it hides in a mountain's foot would be 200 m."""
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
+    site, _, horizon = made(recipe(dtm), site_in_hills)
+    x, y, z = horizon.mesh.vertices.T
+    off = drop(horizon.mesh.vertices[:, :2], (50.0, 40.0))
+    wrong = np.abs(z + off - land(x, y) + site.datum_height)
+    away = np.maximum(np.abs(x), np.abs(y))
+    for low, high, most in ((60.0, 3000.0, 0.5), (3000.0, 3996.0, 0.5)):
+        here = (away > low) & (away < high)
+        assert here.sum() > 100
+        assert wrong[here].max() < most
+    assert 3500.0 < horizon.followed < 4020.0
 
 
 def test_no_cliff_where_the_model_ends(site_in_hills):
