@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from terrain_forge.model import Check
 from terrain_forge.validation.inspection import read_json
 from terrain_forge.validation.measures import ASPECTS
@@ -40,9 +42,15 @@ def report_text(report: Path) -> str:
 
 
 def checks_of(directory: Path) -> list[Check]:
-    """The checks of a built folder that a limit judges, as it was last validated; none before."""
+    """The checks of a built folder that a limit judges, as it was last validated.
+
+    None before, nor where its report is damaged.
+    """
     found = read_json(directory / "validation" / "report.json").get("checks", [])
-    return [check for one in found if (check := Check(**one)).judged]
+    try:
+        return [check for check in TypeAdapter(list[Check]).validate_python(found) if check.judged]
+    except ValidationError:
+        return []
 
 
 def failed_checks(directory: Path) -> list[Check]:
