@@ -24,7 +24,7 @@ td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd5c
 #map{position:relative;overflow:hidden;height:70vh;background:#2a2622;border-radius:6px;
 touch-action:none;cursor:grab}#plane{position:absolute;left:0;top:0;transform-origin:0 0}
 #plane svg{position:absolute;left:0;top:0;z-index:1;pointer-events:none}
-polyline{fill:none;stroke:#f2c230;stroke-width:3;vector-effect:non-scaling-stroke}
+polyline{fill:none;stroke:#f2c230;stroke-width:var(--line)}
 #plane img{position:absolute;display:block}#place{font-variant-numeric:tabular-nums}
 figure{margin:1rem 0}figure img{max-width:100%}code{background:#efe9e1;padding:0 .2rem}
 @media(prefers-color-scheme:dark){body{color:#eee7de;background:#1c1916}code{background:#332d27}
@@ -41,6 +41,7 @@ const pad=n=>String(n).padStart(3,'0');
 function fit(){least=Math.min(map.clientWidth/columns,map.clientHeight/rows);scale=least;
 x=(map.clientWidth-columns*scale)/2;y=(map.clientHeight-rows*scale)/2;draw()}
 function draw(){plane.style.transform=`translate(${x}px,${y}px) scale(${scale})`;
+plane.style.setProperty('--line',3/scale);
 const near=scale*cells>160,wanted=new Set();
 if(near){const west=Math.max(Math.floor(-x/scale/cells),0),
 east=Math.min(Math.floor((map.clientWidth-x)/scale/cells),across-1);
