@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import OutputError, SimulationError, Stopwatch, to_plain
-from terrain_forge.driving import drive, load_scene, write_tables
 from terrain_forge.model import Check, Trajectory, exporter, failed
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers import rover_of
@@ -57,6 +56,8 @@ class Corridor:
     def _scene(self, number: int) -> Any:
         low, high = number * self._length, (number + 1) * self._length
         beside = max(_BESIDE * self._length, _LEAST_BESIDE)
+        from terrain_forge.driving import load_scene
+
         here = (self._along >= low - beside) & (self._along <= high + beside)
         (west, south), (east, north) = (
             side(self._path.position[here, :2], axis=0) for side in (np.min, np.max)
@@ -118,6 +119,8 @@ def to_plain_check(check: Check) -> dict[str, Any]:
 def _driven(
     order: TileOrder, path: Trajectory, spec: DriveSpec, watch: Stopwatch
 ) -> dict[str, Any]:
+    from terrain_forge.driving import drive, write_tables  # which load MuJoCo and matplotlib
+
     staging = order.out / STAGING / "drive"
     corridor = Corridor(order, path, staging)
     try:
