@@ -9,10 +9,21 @@ import numpy as np
 from terrain_forge.base import Stopwatch
 from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
-from terrain_forge.model import Route, Site, Window, World, owned, touches
+from terrain_forge.model import (
+    Heightfield,
+    RockLibrary,
+    Route,
+    Site,
+    Window,
+    World,
+    owned,
+    touches,
+)
 from terrain_forge.paths import make_trajectories
 from terrain_forge.rocks import (
     FILLED,
+    Banked,
+    Scattered,
     bank_reach,
     bank_soil,
     drifted_soil,
@@ -43,30 +54,13 @@ def make_world(
 
     Routes of planned paths are given where they were found on all of the site.
     """
-    recipe = site.recipe
-    populations, lists = recipe.rocks.populations, recipe.rocks.lists
-
     progress("rock library", 0.0)
-    library = find_library(recipe.rocks.library, custom=site.meshes)
+    library = find_library(site.recipe.rocks.library, custom=site.meshes)
     progress("ground", 0.0)
-    margin = rock_margin(site=site, populations=populations, lists=lists, library=library)
-    reach = bank_reach(site, library)
-    known = margin + (FILLED * site.spacing if reach else 0.0)
-    around = site.padded(
-        window, max(known, stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials))
-    )
-    bare = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
+    around, margin = _around(site, window, library)
+    bare = shape_ground(site=site, window=around, layers=site.recipe.terrain.layers)
     progress("rocks", 0.0)
-    scattered = scatter(
-        site=site,
-        populations=populations,
-        lists=lists,
-        library=library,
-        window=window,
-        ground=bare,
-        margin=margin + reach if reach else 0.0,
-    )
-    banked = bank_soil(site=site, scattered=scattered, library=library, ground=bare)
+    scattered, banked = _lay_soil(site, window, library, bare, margin)
     land = banked.ground if banked else bare
     row, column = window.row - around.row, window.column - around.column
     ground = land.cut(column=column, row=row, columns=window.columns, rows=window.rows)
@@ -101,3 +95,45 @@ def make_world(
         unplaced=scattered.unplaced,
         horizon=make_horizon(site, ground, appearance, library) if horizon else None,
     )
+
+
+def make_ground(site: Site, window: Window) -> Heightfield:
+    """The ground of a window of a site, with the soil at its rocks."""
+    library = find_library(site.recipe.rocks.library, custom=site.meshes)
+    around, margin = _around(site, window, library)
+    bare = shape_ground(site=site, window=around, layers=site.recipe.terrain.layers)
+    _, banked = _lay_soil(site, window, library, bare, margin)
+    return (banked.ground if banked else bare).cut(
+        column=window.column - around.column,
+        row=window.row - around.row,
+        columns=window.columns,
+        rows=window.rows,
+    )
+
+
+def _around(site: Site, window: Window, library: RockLibrary) -> tuple[Window, float]:
+    """The window with what its ground and rocks hang on, and how far rocks reach for ground [m]."""
+    recipe, rocks = site.recipe, site.recipe.rocks
+    margin = rock_margin(
+        site=site, populations=rocks.populations, lists=rocks.lists, library=library
+    )
+    known = margin + (FILLED * site.spacing if bank_reach(site, library) else 0.0)
+    stencil = stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials)
+    return site.padded(window, max(known, stencil)), margin
+
+
+def _lay_soil(
+    site: Site, window: Window, library: RockLibrary, bare: Heightfield, margin: float
+) -> tuple[Scattered, Banked | None]:
+    """The rocks in plan, and the ground with the soil that lies at them."""
+    rocks, reach = site.recipe.rocks, bank_reach(site, library)
+    scattered = scatter(
+        site=site,
+        populations=rocks.populations,
+        lists=rocks.lists,
+        library=library,
+        window=window,
+        ground=bare,
+        margin=margin + reach if reach else 0.0,
+    )
+    return scattered, bank_soil(site=site, scattered=scattered, library=library, ground=bare)

@@ -21,6 +21,7 @@ from terrain_forge.base import (
     read_text,
     to_plain,
 )
+from terrain_forge.making import make_ground
 from terrain_forge.model import Route, Site, TileGrid, Trajectory, Window, World
 from terrain_forge.paths import (
     Blocks,
@@ -36,7 +37,6 @@ from terrain_forge.paths import (
     write_trajectories,
 )
 from terrain_forge.rovers import rover_of
-from terrain_forge.terrain import shape_ground
 from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import FOLDER, MOST, TileOrder
 from terrain_forge.truth import rate_world, write_surroundings
@@ -209,7 +209,7 @@ def parts_of(path: Trajectory, length: float) -> Iterator[slice]:
 
 
 class FarGround:
-    """The bare ground of a site of any size, made where it is asked for."""
+    """The ground of a site of any size, made where it is asked for."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
@@ -227,8 +227,7 @@ class FarGround:
         number, heights = row * grid.across + column, np.empty(east.shape)
         for one in np.unique(number).tolist():
             here = number == one
-            layers = site.recipe.terrain.layers
-            ground = shape_ground(site=site, window=grid.window(one), layers=layers)
+            ground = make_ground(site, grid.window(one))
             west, south, most_east, most_north = ground.bounds
             # Divisions round: a place at a patch's border may be said to lie a bit beyond it.
             heights[here] = ground.height_at(
