@@ -26,7 +26,8 @@ from terrain_forge.recipe import DriveSpec
 
 if TYPE_CHECKING:
     from terrain_forge.driving.log import Logger
-    from terrain_forge.driving.vehicle import Snapshot, Vehicle
+    from terrain_forge.driving.snapshot import Snapshot
+    from terrain_forge.driving.vehicle import Vehicle
 
 
 LOG_RATE = 10.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,8 +12,9 @@ from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, SimulationError, portable
+from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.log import Logger
-from terrain_forge.driving.result import EnergyBalance, longitudinal_slip
+from terrain_forge.driving.snapshot import Snapshot, wheel_states
 from terrain_forge.model import Rover
 
 _PAIR_LIMIT = 50
@@ -32,84 +33,6 @@ _DROPPED, _UNSTABLE = (
     {int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in names}
     for names in (("CONTACTFULL", "CNSTRFULL"), ("BADQPOS", "BADQVEL", "BADQACC"))
 )
-
-TOLERANCE = 0.1
-"""How far mechanical energy may rise above the motors' work, as a part of the energy that lifts the
-rover by the radius of a wheel on Earth. A contact gives back what it stored while it was
-compressed: up to 1.8 J of a rover of 50 kg whose wheels press against rocks with all their torque
-(docs/driving.md), on any body. An instability makes many times that within a second."""
-
-
-class EnergyAudit:
-    """Follows the work of the motors and the mechanical energy.
-
-    What the motors put in less what the bodies hold is what friction has taken, and friction gives
-    nothing back: that difference may never fall, but for what contacts store.
-    """
-
-    def __init__(self, *, reference: float, energy: float) -> None:
-        """Begin with the energy that lifts the rover by a wheel's radius on Earth, and its own."""
-        self.limit = TOLERANCE * reference
-        """Largest rise that passes [J]."""
-        self._start = self._energy = energy
-        self._driving = self._braking = self._taken = self._unexplained = 0.0
-
-    def add(self, *, driving: float, braking: float, energy: float) -> None:
-        """Note the work of the motors [J] since the last time, and the energy now [J]."""
-        self._driving += driving
-        self._braking += braking
-        self._energy = energy
-        taken = self._driving + self._braking - (energy - self._start)
-        self._taken = max(self._taken, taken)
-        self._unexplained = max(self._unexplained, self._taken - taken)
-
-    def go_on(self, energy: float) -> None:
-        """Go on in another scene, whose other bodies hold more or less energy [J]."""
-        self._start += energy - self._energy
-        self._energy = energy
-
-    def fault(self) -> str:
-        """What is wrong with the energy; empty if nothing is."""
-        if self._unexplained <= self.limit:
-            return ""
-        return (
-            f"energy grew without cause, by {self._unexplained:.3g} J more than the motors' work "
-            f"(at most {self.limit:.3g} J)"
-        )
-
-    def balance(self) -> EnergyBalance:
-        """The balance from the start until now."""
-        return EnergyBalance(
-            driving=self._driving,
-            braking=self._braking,
-            gained=self._energy - self._start,
-            unexplained=self._unexplained,
-        )
-
-
-class Snapshot(NamedTuple):
-    """What MuJoCo knows of a rover at one moment, in the world frame."""
-
-    position: Array
-    """Origin of base_link [m], shape [3]."""
-    quaternion: Array
-    """Rotation (w, x, y, z) of base_link, shape [4]."""
-    up: Array
-    """Unit vector that points up from base_link, shape [3]."""
-    centre: Array
-    """The rover's centre of mass, about which velocities are told [m], shape [3]."""
-    moving: Array
-    """Turn rates [rad/s] and velocities there [m/s] of the wheels, shape [wheels, 6]."""
-    wheel: Array
-    """Places of the wheels [m], shape [wheels, 3]."""
-    axle: Array
-    """Unit vectors along the axles, shape [wheels, 3]."""
-    rate: Array
-    """Rates of the axles [rad/s], shape [wheels]."""
-    torque: Array
-    """Torques of the motors about them [N m], shape [wheels]."""
-    joint_angle: Array
-    """Angles of the passive joints [rad], shape [joints]."""
 
 
 class Vehicle:
@@ -170,30 +93,17 @@ class Vehicle:
         # MuJoCo's states hold time, places, rates, activations.
         angles, rates = 1 + model.jnt_qposadr[self._axles], 1 + model.nq + self.axle_rates
         self._servos = np.stack([angles, rates, 1 + model.nq + model.nv + self._activations])
-        limits = _AT_LIMIT * self._torque_limits
-        bounds = (
-            self.motors,
-            self._activations,
-            self._damping / self._stiffness,
-            self._reach,
-            limits,
-        )
+        lag, limits = self._damping / self._stiffness, _AT_LIMIT * self._torque_limits
+        bounds = self.motors, self._activations, lag, self._reach, limits
         self._bounds = list(zip(*(part.tolist() for part in bounds), strict=True))
         self._parts: Array = np.empty((0, 1))
         self._change = np.zeros(int(model.nu))
         self._states = np.empty((1, mujoco.mj_stateSize(model, _STATE)))
         self._rollout = Rollout(nthread=0)
         self._mark_geoms()
-        self._set_flags()
-
-    def _set_flags(self) -> None:
-        """Step only what is awake, where MuJoCo can: rocks then cost next to nothing.
-
-        Nothing asks the export's sensors.
-        """
-        option = self.model.opt
-        option.enableflags |= int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        # Only what is awake is stepped, where MuJoCo can: rocks then cost next to nothing.
+        model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)  # nothing asks them
 
     def _mark_geoms(self) -> None:
         """Tell rocks, `rock_<id>`, wheels and the rest of the rover from other geoms."""
@@ -448,23 +358,7 @@ class Vehicle:
 
     def states(self, taken: Sequence[Snapshot]) -> dict[str, NDArray[Any]]:
         """What rover and wheels did at some moments, as `DriveResult` names it."""
-        one = Snapshot(*(np.array(part) for part in zip(*taken, strict=True)))
-        turning, moving = one.moving[..., :3], one.moving[..., 3:]
-        moving = moving + _cross(turning, one.wheel - one.centre[:, None])
-        left = one.axle * self.sides[:, None]
-        forward = _cross(left, one.up[:, None])
-        forward /= np.linalg.norm(forward, axis=-1, keepdims=True)
-        rim = (turning * left).sum(axis=-1) * self._radii
-        slip, moves = longitudinal_slip(rim, (moving * forward).sum(axis=-1))
-        return {
-            "position": one.position,
-            "quaternion": one.quaternion,
-            "wheel_rate": self.sides * one.rate,
-            "wheel_torque": self.sides * one.torque,
-            "wheel_slip": slip,
-            "wheel_moves": moves,
-            "joint_angle": one.joint_angle,
-        }
+        return wheel_states(taken, sides=self.sides, radii=self._radii)
 
     def rock_forces(self) -> dict[str, tuple[float, bool]]:
         """Rocks that the rover touches now: largest normal force [N], whether its body touches."""
@@ -498,12 +392,6 @@ class Vehicle:
             if counts.max(initial=0) >= _PAIR_LIMIT:
                 return f"contacts were dropped (a pair of geoms has {_PAIR_LIMIT})"
         return self._audit.fault()
-
-
-def _cross(one: Array, other: Array) -> Array:
-    """Cross products of rows; NumPy's own takes five times as long for a few."""
-    (a, b, c), (x, y, z) = (np.moveaxis(rows, -1, 0) for rows in (one, other))
-    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
 
 
 def _place(position: Array) -> str:

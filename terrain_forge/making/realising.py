@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Stopwatch
+from terrain_forge.base import Stopwatch, silent
 from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
 from terrain_forge.model import (
@@ -54,31 +55,25 @@ def make_world(
 
     Routes of planned paths are given where they were found on all of the site.
     """
-    progress("rock library", 0.0)
-    library = find_library(site.recipe.rocks.library, custom=site.meshes)
-    progress("ground", 0.0)
-    around, margin = _around(site, window, library)
-    bare = shape_ground(site=site, window=around, layers=site.recipe.terrain.layers)
-    progress("rocks", 0.0)
-    scattered, banked = _lay_soil(site, window, library, bare, margin)
-    land = banked.ground if banked else bare
+    land = _lay_land(site, window, progress)
+    library, scattered, around = land.library, land.scattered, land.around
     row, column = window.row - around.row, window.column - around.column
-    ground = land.cut(column=column, row=row, columns=window.columns, rows=window.rows)
+    ground = land.part(window)
     rocks = place_rocks(
         scattered.select(reaching(scattered, site=site, library=library, window=window)),
         site=site,
         library=library,
-        ground=land,
-        bare=bare,
+        ground=land.ground,
+        bare=land.bare,
         settled=settled,
         progress=partial(progress, "rocks: settling the dynamic ones"),
     )
     own = owned(rocks, ground, site.bounds)
     laid = None
-    if banked:
+    if land.banked:
         own_nodes = np.s_[row : row + window.rows + 1, column : column + window.columns + 1]
-        laid = banked.raised[own_nodes], drifted_soil(site)
-    appearance = paint(site, window, bare, laid=laid)
+        laid = land.banked.raised[own_nodes], drifted_soil(site)
+    appearance = paint(site, window, land.bare, laid=laid)
     progress("paths", 0.0)
     rover = rover_of(site)
     return World(
@@ -99,34 +94,47 @@ def make_world(
 
 def make_ground(site: Site, window: Window) -> Heightfield:
     """The ground of a window of a site, with the soil at its rocks."""
-    library = find_library(site.recipe.rocks.library, custom=site.meshes)
-    around, margin = _around(site, window, library)
-    bare = shape_ground(site=site, window=around, layers=site.recipe.terrain.layers)
-    _, banked = _lay_soil(site, window, library, bare, margin)
-    return (banked.ground if banked else bare).cut(
-        column=window.column - around.column,
-        row=window.row - around.row,
-        columns=window.columns,
-        rows=window.rows,
-    )
+    return _lay_land(site, window, Stopwatch(silent)).part(window)
 
 
-def _around(site: Site, window: Window, library: RockLibrary) -> tuple[Window, float]:
-    """The window with what its ground and rocks hang on, and how far rocks reach for ground [m]."""
+class _Land(NamedTuple):
+    """Ground, and rocks in plan, of a window and what lies around it."""
+
+    around: Window
+    library: RockLibrary
+    bare: Heightfield
+    scattered: Scattered
+    banked: Banked | None
+    """The ground with the soil at the rocks, where there is any."""
+
+    @property
+    def ground(self) -> Heightfield:
+        return self.banked.ground if self.banked else self.bare
+
+    def part(self, window: Window) -> Heightfield:
+        """The ground of the window alone."""
+        return self.ground.cut(
+            column=window.column - self.around.column,
+            row=window.row - self.around.row,
+            columns=window.columns,
+            rows=window.rows,
+        )
+
+
+def _lay_land(site: Site, window: Window, progress: Stopwatch) -> _Land:
     recipe, rocks = site.recipe, site.recipe.rocks
-    margin = rock_margin(
-        site=site, populations=rocks.populations, lists=rocks.lists, library=library
+    progress("rock library", 0.0)
+    library = find_library(rocks.library, custom=site.meshes)
+    progress("ground", 0.0)
+    reach, margin = (
+        bank_reach(site, library),
+        rock_margin(site=site, populations=rocks.populations, lists=rocks.lists, library=library),
     )
-    known = margin + (FILLED * site.spacing if bank_reach(site, library) else 0.0)
+    known = margin + (FILLED * site.spacing if reach else 0.0)
     stencil = stencil_reach(site, recipe.terrain.layers, recipe.terrain.materials)
-    return site.padded(window, max(known, stencil)), margin
-
-
-def _lay_soil(
-    site: Site, window: Window, library: RockLibrary, bare: Heightfield, margin: float
-) -> tuple[Scattered, Banked | None]:
-    """The rocks in plan, and the ground with the soil that lies at them."""
-    rocks, reach = site.recipe.rocks, bank_reach(site, library)
+    around = site.padded(window, max(known, stencil))
+    bare = shape_ground(site=site, window=around, layers=recipe.terrain.layers)
+    progress("rocks", 0.0)
     scattered = scatter(
         site=site,
         populations=rocks.populations,
@@ -136,4 +144,5 @@ def _lay_soil(
         ground=bare,
         margin=margin + reach if reach else 0.0,
     )
-    return scattered, bank_soil(site=site, scattered=scattered, library=library, ground=bare)
+    banked = bank_soil(site=site, scattered=scattered, library=library, ground=bare)
+    return _Land(around, library, bare, scattered, banked)

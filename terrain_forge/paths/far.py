@@ -42,8 +42,6 @@ from terrain_forge.paths.traversability_field import IMPASSABLE, Traversability
 Bounds = tuple[float, float, float, float]
 """West, south, east and north [m]."""
 
-AHEAD = 96.0
-"""How far along the guide a window looks [m]."""
 _BESIDE_GUIDE, _LEAST_BESIDE = 0.25, 8.0
 """Ground beside the guide in a window, over how far it looks; and at least [m]."""
 _WIDER = 2.0
@@ -135,8 +133,8 @@ def plan_far(
     blocks: Blocks,
     field_at: Callable[[Bounds], Traversability],
     rover: Rover,
+    ahead: float,
     key: Key = ("paths",),
-    ahead: float = AHEAD,
 ) -> Route:
     """The planned route of a path over ground that is looked at window by window.
 

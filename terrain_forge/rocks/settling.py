@@ -35,8 +35,9 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Site
 from terrain_forge.rocks.embedding.burial import burial_ranges
-from terrain_forge.rocks.embedding.embed import Lattice, embed, lattice, piece
+from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.footprint import fits, footprints
+from terrain_forge.rocks.embedding.lattice import Lattice, lattice, piece
 from terrain_forge.rocks.embedding.outline import mean_width
 from terrain_forge.rocks.scattering.corridor import in_corridor
 from terrain_forge.rocks.scattering.scatter import Scattered

@@ -124,7 +124,7 @@ def _nearest(photometry: Photometry, phase: float) -> tuple[float, float]:
     mu, mu0 = (flat * np.cos(longitude - turn) for turn in (0.0, phase))
     wanted = hapke(photometry, mu0, mu, np.cos(phase)).ravel()
     terms = np.stack([(mu0 / (mu0 + mu)).ravel(), mu0.ravel()], axis=1) / wanted[:, None]
-    lommel, lambert = portable.solve(terms.T @ terms, terms.sum(axis=0)).tolist()
+    lommel, lambert = portable.solve(portable.product(terms.T, terms), terms.sum(axis=0)).tolist()
     if lommel < 0.0:  # beyond some 110 degrees
         return 0.0, float(terms[:, 1].sum() / (terms[:, 1] ** 2).sum())
     return lommel, lambert

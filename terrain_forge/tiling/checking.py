@@ -11,7 +11,7 @@ from terrain_forge.base import OutputError, Stopwatch, run_tasks
 from terrain_forge.building import holding, storing
 from terrain_forge.model import Check, at_most
 from terrain_forge.recipe import sha256
-from terrain_forge.tiling.driving import checks_of_drive, to_plain_check
+from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
 
@@ -86,17 +86,17 @@ def _judge(order: TileOrder, bad: list[str]) -> bool:
     if not any(name.startswith(f"{_COUNTS} ") for name in bad):
         pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
         checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
-    told = [*(to_plain_check(check) for check in checks), *checks_of_drive(order)]
+    checks += checks_of_drive(order)
     report = {
         "format": FORMAT,
-        "checks": told,
+        "checks": [vars(check) for check in checks],
         "conformance": [],
         "damaged": sorted(bad),
     }
     with storing(out, out):
         (out / REPORT).parent.mkdir(exist_ok=True)
         (out / REPORT).write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    return all(check["passed"] for check in told)
+    return all(check.passed for check in checks)
 
 
 def _check(name: str, bad: list[str], what: str) -> Check:

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import OutputError, SimulationError, Stopwatch, to_plain
+from terrain_forge.base import OutputError, SimulationError, Stopwatch
 from terrain_forge.model import Check, Trajectory, exporter, failed
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers import rover_of
 from terrain_forge.tiling.making import STAGING, world_of
 from terrain_forge.tiling.order import TileOrder
 from terrain_forge.tiling.routing import Land, reach_of
-from terrain_forge.validation import drive_checks, drive_json
+from terrain_forge.validation import drive_checks, drive_json, read_checks
 
 DRIVE = "validation/drive.json"
 """How the drive went, in the site's folder."""
@@ -54,10 +54,10 @@ class Corridor:
         return self._scene(number)
 
     def _scene(self, number: int) -> Any:
-        low, high = number * self._length, (number + 1) * self._length
-        beside = max(_BESIDE * self._length, _LEAST_BESIDE)
         from terrain_forge.driving import load_scene
 
+        low, high = number * self._length, (number + 1) * self._length
+        beside = max(_BESIDE * self._length, _LEAST_BESIDE)
         here = (self._along >= low - beside) & (self._along <= high + beside)
         (west, south), (east, north) = (
             side(self._path.position[here, :2], axis=0) for side in (np.min, np.max)
@@ -88,32 +88,23 @@ def drive_far(
         fresh = folder / f".{told.name}"
         fresh.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         fresh.replace(told)
-    return all(check["passed"] for check in checks_of_drive(order))
+    return all(check.passed for check in checks_of_drive(order))
 
 
-def checks_of_drive(order: TileOrder) -> list[dict[str, Any]]:
-    """What a site's drive was checked for, as JSON; nothing where there was none.
+def checks_of_drive(order: TileOrder) -> list[Check]:
+    """What a site's drive was checked for; nothing where there was none.
 
     Raises:
         OutputError: if what was written of it is damaged.
     """
     told = order.out / DRIVE
-    if not told.is_file():
-        return []
     try:
-        checks: list[dict[str, Any]] = json.loads(told.read_text("utf-8"))["checks"]
-        if all(isinstance(check["passed"], bool) for check in checks):
-            return checks
-    except (ValueError, KeyError, TypeError):
-        pass
-    raise OutputError(f"{told} is damaged: move it away, and build again, which drives anew")
-
-
-def to_plain_check(check: Check) -> dict[str, Any]:
-    """A check as JSON."""
-    plain: dict[str, Any] = to_plain(check, {})
-    plain.pop("record")
-    return plain
+        checks = read_checks(told)
+    except ValueError:
+        checks = []
+    if told.is_file() and not checks:
+        raise OutputError(f"{told} is damaged: move it away, and build again, which drives anew")
+    return checks
 
 
 def _driven(
@@ -134,10 +125,10 @@ def _driven(
         )
     except SimulationError as error:
         checks: list[Check] = [failed(f"drive {spec.path}", str(error))]
-        return {"checks": [to_plain_check(check) for check in checks]}
+        return {"checks": [vars(check) for check in checks]}
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     write_tables(result, order.out / "validation")
     checks = drive_checks(result, spec)
-    plain = [to_plain_check(check) for check in checks]
+    plain = [vars(check) for check in checks]
     return {"checks": plain, "drive": drive_json(result), "scenes": len(corridor)}

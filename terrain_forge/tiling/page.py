@@ -145,11 +145,11 @@ def _paths(order: TileOrder, paths: Sequence[Trajectory]) -> str:
     told = f"<h2>Paths</h2>{_table(('path', 'length', 'takes'), rows)}"
     checks = [
         (
-            check["name"],
-            f"{check['figure']:.4g} {check['unit']}",
-            "–" if check["limit"] is None else f"{check['limit']:.4g}",
-            "passed" if check["passed"] else "failed",
-            check["note"],
+            check.name,
+            "–" if check.figure is None else f"{check.figure:.4g} {check.unit}",
+            "–" if check.limit is None else f"{check.limit:.4g}",
+            "passed" if check.passed else "failed",
+            check.note,
         )
         for check in checks_of_drive(order)
     ]

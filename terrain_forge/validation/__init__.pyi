@@ -35,6 +35,7 @@ from .surface_mesh import read_objects as read_objects
 from .surface_mesh import read_triangles as read_triangles
 from .table import checks_of as checks_of
 from .table import failed_checks as failed_checks
+from .table import read_checks as read_checks
 from .table import report_text as report_text
 from .table import table_rows as table_rows
 from .tracks import table_columns as table_columns

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from terrain_forge.model import Check
 from terrain_forge.validation.inspection import read_json
@@ -46,11 +46,20 @@ def checks_of(directory: Path) -> list[Check]:
 
     None before, nor where its report is damaged.
     """
-    found = read_json(directory / "validation" / "report.json").get("checks", [])
     try:
-        return [check for check in TypeAdapter(list[Check]).validate_python(found) if check.judged]
-    except ValidationError:
+        found = read_checks(directory / "validation" / "report.json")
+    except ValueError:
         return []
+    return [check for check in found if check.judged]
+
+
+def read_checks(path: Path) -> list[Check]:
+    """The checks of a report, or none where there is no such file.
+
+    Raises:
+        ValueError: if what it calls checks are none.
+    """
+    return TypeAdapter(list[Check]).validate_python(read_json(path).get("checks", []))
 
 
 def failed_checks(directory: Path) -> list[Check]:

@@ -9,8 +9,8 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError, quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, load_scene
+from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
-from terrain_forge.driving.vehicle import EnergyAudit
 from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
 from tests.helpers import worlds
