@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge import report
+from terrain_forge import report, tiling
 from terrain_forge.base import (
     OutputError,
     Progress,
@@ -65,14 +65,6 @@ from terrain_forge.recording import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
-from terrain_forge.tiling import (
-    build_tiles,
-    cut_world,
-    is_site,
-    order_tiles,
-    require_whole,
-    validate_site,
-)
 from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
@@ -163,14 +155,14 @@ def build(
         require_apart(out, inputs)
         if scheduler is not None:
             require_scheduler(scheduler)
-        removed = () if is_site(out) else require_ours(out, force=force)
+        removed = () if tiling.is_site(out) else require_ours(out, force=force)
         orders = chosen_exports(recipe, only)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
         if site.recipe.tiles is not None:
-            order = order_tiles(site, out, orders)
-            return build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
-        require_whole(out, workers, scheduler)
+            order = tiling.order_tiles(site, out, orders)
+            return tiling.build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
+        tiling.require_whole(out, workers, scheduler)
         require_recordable(recipe, rover_of(site))
         require_exports(orders, site)
         expected = stage_seconds(site, orders)
@@ -255,7 +247,7 @@ def cut(
     if out.is_relative_to(place):
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
     with watched(progress, STAGES) as watch:
-        world = cut_world(place, centre=centre, size=size, watch=watch)
+        world = tiling.cut_world(place, centre=centre, size=size, watch=watch)
         return write_world(world, out, exports=only, force=force, progress=watch)
 
 
@@ -344,9 +336,9 @@ def validate(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
-    if is_site(out):
+    if tiling.is_site(out):
         with watched(progress, VALIDATE_STAGES) as watch:
-            return validate_site(out, watch=watch)
+            return tiling.validate_site(out, watch=watch)
     finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
         manifest = read_manifest(out)

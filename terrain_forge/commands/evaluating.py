@@ -54,6 +54,7 @@ from terrain_forge.terminal import SCORING, Display, Number, Numbers
 )
 @SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
+@click.option("--force", is_flag=True, help="Write over such files that lie there.")
 def evaluate(
     paths: tuple[Path, ...],
     systems: str | None,
@@ -69,6 +70,7 @@ def evaluate(
     cell: float,
     changes: tuple[str, ...],
     out: Path | None,
+    force: bool,
 ) -> int:
     """Run systems over the recording in OUT and score them, or score trajectories.
 
@@ -77,7 +79,7 @@ def evaluate(
     alignment on the first third, drift of the path's length over 10 m.
     """
     from terrain_forge import report
-    from terrain_forge.evaluation import chosen_systems, read_options
+    from terrain_forge.evaluation import chosen_systems, read_options, require_no_tables
     from terrain_forge.terminal import (
         install_named,
         list_systems,
@@ -91,6 +93,8 @@ def evaluate(
         return list_systems()
     if install:
         return install_named(install)
+    if out and not force:
+        require_no_tables(out)
     if truth and estimate:
         return tell_scores(truth, (estimate, *paths), options=options, out=out, stamps=stamps)
     if truth or estimate or len(paths) != 1:

@@ -49,6 +49,7 @@ from .score import Spread as Spread
 from .score import relative_errors as relative_errors
 from .score import score_poses as score_poses
 from .tables import latex_table as latex_table
+from .tables import require_no_tables as require_no_tables
 from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from terrain_forge.base import OutputError
 from terrain_forge.evaluation.score import Score, Spread
 from terrain_forge.writers import quoted
 
@@ -29,6 +30,8 @@ _COLUMNS = (
 """Heading, unit, and what stands in the column."""
 _FACTORS = {"%": 100.0, "deg": _DEGREES, "deg/m": _DEGREES}
 _STYLES = {"": ".4g", "%": ".3g"}
+TABLES = ("evaluation", "maps", "paper")
+"""Names of the tables' files, without their endings."""
 
 Failures = Sequence[tuple[str, str]]
 """Names of trajectories that could not be scored, and why."""
@@ -84,6 +87,22 @@ def score_plain(score: Score) -> dict[str, Any]:
         "yaw_drift_rad": plain(score.yaw_drift),
         "kitti": kitti,
     }
+
+
+def require_no_tables(folder: Path) -> None:
+    """Refuse a folder in which files lie that tables would be written over.
+
+    Raises:
+        OutputError: names them.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is no folder")
+    found = sorted(one.name for one in folder.glob("*") if one.stem in TABLES)
+    if found:
+        raise OutputError(
+            f"{folder} holds {', '.join(found)}; move them away, choose another folder with -o, or "
+            "let --force write over them"
+        )
 
 
 def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = ()) -> list[Path]:

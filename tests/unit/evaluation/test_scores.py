@@ -243,6 +243,17 @@ def test_the_command_scores_files_and_goes_on_after_a_wrong_one(tmp_path):
     assert r"big & 100 &" in (out / "evaluation.tex").read_text()
 
 
+def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
+    mine = tmp_path / "maps.csv"
+    mine.write_text("mine")
+    asked = "evaluate", "--truth", tmp_path / "a.tum", "--estimate", tmp_path / "b.tum"
+    done = run(*asked, "-o", tmp_path)
+    assert done.returncode == 2
+    assert "holds maps.csv; move them away" in done.stderr
+    assert "a.tum" in run(*asked, "-o", tmp_path, "--force").stderr
+    assert mine.read_text() == "mine"
+
+
 def test_an_unknown_option_is_told(tmp_path):
     path = _write_tum(tmp_path / "gt.tum", _circle(count=50))
     for change, told in {
