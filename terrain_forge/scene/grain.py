@@ -24,12 +24,20 @@ SLAB_JOINT = 0.035
 """Half the width of the joints between them [m]."""
 SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
-SOIL_STEEP = 0.035
+SOIL_STEEP = 0.038
 """Rise of waves of soil so long, over that of unit noise."""
-SOIL_ROUGHER = 1.28
-"""How much steeper waves of half the length are: slopes grow as L^(H - 1), H about 0.65, so that
-soil is rough to the hand and level to the eye (Helfenstein & Shepard 1999,
-doi:10.1006/icar.1999.6160)."""
+SOIL_HURST = 0.55
+"""Slopes of waves grow as L^(H - 1): soil is rough to the hand and level to the eye. Measured are
+0.5 to 0.7 and 15 to 35° RMS at centimetres on the Moon (Helfenstein & Shepard 1999,
+doi:10.1006/icar.1999.6160), 0.54 to 0.61 at the Pathfinder site."""
+SOIL_STEP = 0.48
+"""Length of waves over that of the next longer."""
+SOIL_WARP = 1.0
+"""How far the waves before move those after, in their lengths, so that no lattice shows."""
+SOIL_SHOWN = 1.8, 3.8
+"""Lengths of waves, in pixels, from which on they begin to show, and show in full: what a pixel's
+own size leaves of them; optics blur them besides."""
+_ROUGHER = SOIL_STEP ** (SOIL_HURST - 1.0)
 _PRIMES = (
     np.uint64(0x9E3779B185EBCA87),
     np.uint64(0xC2B2AE3D27D4EB4F),
@@ -87,22 +95,28 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
 
     Returns a value of about -1 to 1 for the albedo, and the rise per metre along x and y.
     """
-    value, slope_x, slope_y = 0.0, 0.0, 0.0
-    wavelength, weight, cos, sin = coarsest, (coarsest / SOIL_COARSEST) ** -0.35, 1.0, 0.0
+    value, slope_x, slope_y, warp_u, warp_v = 0.0, 0.0, 0.0, 0.0, 0.0
+    wavelength, weight, cos, sin = (
+        coarsest,
+        (coarsest / SOIL_COARSEST) ** (SOIL_HURST - 1.0),
+        1.0,
+        0.0,
+    )
     for octave in range(12):
-        shown = min(1.0, 0.5 * wavelength / footprint - 1.0)
+        shown = min(1.0, (wavelength / footprint - SOIL_SHOWN[0]) / (SOIL_SHOWN[1] - SOIL_SHOWN[0]))
         if shown <= 0.0 or wavelength < 0.002:
             break
-        u = (cos * x - sin * y) / wavelength + 0.37 * octave
-        v = (sin * x + cos * y) / wavelength + 0.71 * octave
+        u = (cos * x - sin * y) / wavelength + 0.37 * octave + warp_u
+        v = (sin * x + cos * y) / wavelength + 0.71 * octave + warp_v
         height, rise_u, rise_v = noise_2d(mix(key, np.uint64(octave)), u, v)
         steep = SOIL_STEEP * shown * weight
         slope_x += steep * (cos * rise_u + sin * rise_v)
         slope_y += steep * (cos * rise_v - sin * rise_u)
         value += 0.5 * shown * height
+        warp_u, warp_v = SOIL_WARP * height, SOIL_WARP * 0.4 * rise_u
         cos, sin = cos * _TURN_COS - sin * _TURN_SIN, sin * _TURN_COS + cos * _TURN_SIN
-        wavelength *= 0.48
-        weight *= SOIL_ROUGHER
+        wavelength *= SOIL_STEP
+        weight *= _ROUGHER
     return value, slope_x, slope_y
 
 

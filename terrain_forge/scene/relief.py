@@ -18,8 +18,11 @@ from terrain_forge.scene.grain import (
     CLAST_CELLS,
     SLAB_CELL,
     SOIL_COARSEST,
-    SOIL_ROUGHER,
+    SOIL_HURST,
+    SOIL_SHOWN,
     SOIL_STEEP,
+    SOIL_STEP,
+    SOIL_WARP,
 )
 from terrain_forge.scene.packets import LANES
 from terrain_forge.scene.words import (
@@ -50,6 +53,7 @@ from terrain_forge.scene.words import (
 albedo's noise, the rise per metre, and of pebbles how much of the pixel they cover and the part
 of sunlight that they keep off, and the ground's grain: share of cells with a pebble, roughness of
 the soil, how much of it is slabs."""
+WARP_U, WARP_V = COVER, SHADOWED  # free until there are pebbles
 RELIEF_ROWS = 13
 
 _OCTAVES = 12
@@ -57,6 +61,8 @@ _FINEST = 0.002  # shortest waves [m]
 _TURN = complex(0.4472135954999579, 0.8944271909999159)
 
 _0, _HALF, _1, _2 = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0))
+_BEGIN, _GROW = np.float32(SOIL_SHOWN[0]), np.float32(1.0 / (SOIL_SHOWN[1] - SOIL_SHOWN[0]))
+_WARP, _ACROSS = np.float32(SOIL_WARP), np.float32(0.4 * SOIL_WARP)
 _ONE = np.int32(1)
 
 
@@ -130,7 +136,7 @@ def _octaves(
     """Octaves of soil, each turned against the last and shifted."""
     numbers, keys = [], []
     wavelength, turn = coarsest, complex(1.0, 0.0)
-    weight = (coarsest / SOIL_COARSEST) ** -0.35
+    weight = (coarsest / SOIL_COARSEST) ** (SOIL_HURST - 1.0)
     for octave in range(_OCTAVES):
         if wavelength < _FINEST:
             break
@@ -138,7 +144,8 @@ def _octaves(
         cell, inside = _lattice(place)
         numbers.append([wavelength, turn.real, turn.imag, SOIL_STEEP * weight, *inside])
         keys.append([_word(seed + 7919 * octave), *cell])
-        turn, wavelength, weight = turn * _TURN, 0.48 * wavelength, weight * SOIL_ROUGHER
+        turn, wavelength = turn * _TURN, SOIL_STEP * wavelength
+        weight *= SOIL_STEP ** (SOIL_HURST - 1.0)
     return np.array(numbers, np.float32), np.array(keys, np.uint32)
 
 
@@ -156,11 +163,12 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
     """Fine relief of loose ground, faded out where a pixel cannot show it."""
     for lane in range(LANES):
         space[VALUE + lane], space[RISE_X + lane], space[RISE_Y + lane] = _0, _0, _0
+        space[WARP_U + lane], space[WARP_V + lane] = _0, _0
     least = finest(space)
     for octave in range(len(octaves)):
         wave, cos, sin = octaves[octave, 0], octaves[octave, 1], octaves[octave, 2]
         steep, start_u, start_v = octaves[octave, 3], octaves[octave, 4], octaves[octave, 5]
-        if _HALF * wave <= least:
+        if wave <= _BEGIN * least:
             break
         key, first_i, first_j = (
             keys[octave, 0], np.int32(keys[octave, 1]), np.int32(keys[octave, 2])
@@ -168,8 +176,8 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
         per_metre = _1 / wave
         for lane in range(LANES):
             x, y = space[PLACE_X + lane], space[PLACE_Y + lane]
-            u = (cos * x - sin * y) * per_metre + start_u
-            v = (sin * x + cos * y) * per_metre + start_v
+            u = (cos * x - sin * y) * per_metre + start_u + space[WARP_U + lane]
+            v = (sin * x + cos * y) * per_metre + start_v + space[WARP_V + lane]
             i, j = floor32(u), floor32(v)
             s, t = u - np.float32(i), v - np.float32(j)
             i, j = np.int32(i + first_i), np.int32(j + first_j)
@@ -186,8 +194,9 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
             rise_v = ay + p * (by - ay) + q * (cy - ay) + p * q * (ay - by - cy + dy)
             rise_u += fading32(s) * (q * twist + se - sw)
             rise_v += fading32(t) * (p * twist + nw - sw)
-            shown = min(_1, max(_0, _HALF * wave / space[FOOTPRINT + lane] - _1))
+            shown = min(_1, max(_0, (wave / space[FOOTPRINT + lane] - _BEGIN) * _GROW))
             steeper = steep * shown * space[ROUGH + lane]
             space[RISE_X + lane] += steeper * (cos * rise_u + sin * rise_v)
             space[RISE_Y + lane] += steeper * (cos * rise_v - sin * rise_u)
             space[VALUE + lane] += _HALF * shown * height
+            space[WARP_U + lane], space[WARP_V + lane] = _WARP * height, _ACROSS * rise_u
