@@ -170,7 +170,7 @@ def build(
         with replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
-        learn(expected, watch.seconds)
+        learn(expected, watch.seconds, watch.work)
     return BuildResult(directory=out, world=world, passed=passed, exports=exports, removed=removed)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,13 +24,15 @@ def silent(stage: str, share: float) -> None:
 
 
 class Stopwatch:
-    """Wall times of the stages, for timings.json and the progress bar."""
+    """Wall and processor times of the stages, for timings.json and the progress bar."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._name = ""
         self._begin = self._since = time.perf_counter()
+        self._spent = _processor_time()
         self.seconds: dict[str, float] = {}
+        self.work: dict[str, float] = {}
         self.figures: dict[str, float] = {}
 
     def __call__(self, stage: str, share: float = 0.0) -> None:
@@ -39,10 +42,11 @@ class Stopwatch:
         name = stage.partition(": ")[0]
         if name == self._name:
             return
-        now = time.perf_counter()
+        now, spent = time.perf_counter(), _processor_time()
         if self._name:
             self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._since
-        self._name, self._since = name, now
+            self.work[self._name] = self.work.get(self._name, 0.0) + spent - self._spent
+        self._name, self._since, self._spent = name, now, spent
 
     def expect(self, seconds: Mapping[str, float]) -> None:
         """Tell how long each stage is expected to take [s], where the progress wants to know."""
@@ -61,9 +65,16 @@ class Stopwatch:
         """Write timings.json; the times of tasks that ran side by side overlap."""
         now = time.perf_counter()
         self.seconds[self._name] = now - self._since
+        self.work[self._name] = _processor_time() - self._spent
         timings = {
             "wall_time_s": {name: round(value, 4) for name, value in self.seconds.items()},
+            "processor_time_s": {name: round(value, 2) for name, value in self.work.items()},
             "total_s": round(now - self._begin, 4),
             **self.figures,
         }
         (directory / "timings.json").write_text(json.dumps(timings, indent=1) + "\n")
+
+
+def _processor_time() -> float:
+    """Of this process, all its threads and the processes that it has ended [s]."""
+    return sum(os.times()[:4])

@@ -7,12 +7,14 @@ Each build then tells how long its stages took here, and the next estimate goes 
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import time
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
@@ -20,7 +22,7 @@ import numpy as np
 
 from terrain_forge.base import cache_folder
 from terrain_forge.model import Site
-from terrain_forge.paths import duration
+from terrain_forge.paths import PathSpec, Planned, duration
 from terrain_forge.recipe import (
     ExportOrder,
     expected_nodes,
@@ -56,6 +58,8 @@ HELD, DRIVEN = 0.4, 0.15e9
 """Memory for each byte of an export, and for driving [bytes]."""
 CALIBRATED = 0.021
 """How long the machine of the rates takes for the work of `pace` [s]."""
+DETOUR = 1.2
+"""Length of a planned path over that of the straight lines between its places."""
 LIBRARY = "rock library"
 """The stage that takes no time where its result is in the cache."""
 SHORTEST = 0.2
@@ -88,16 +92,19 @@ def _machine() -> tuple[float, dict[str, float]]:
     return measured, {}
 
 
-def learn(expected: Mapping[str, float], taken: Mapping[str, float]) -> None:
+def learn(
+    expected: Mapping[str, float], taken: Mapping[str, float], work: Mapping[str, float]
+) -> None:
     """Take note of how long the stages of a build took [s]; what compiled anything is no measure.
 
-    Half of what was found counts, so that one build on a busy machine does not spoil the next
-    estimates.
+    Where a stage took longer than the processors worked for it, the machine was busy with other
+    things. Half of what was found counts, lest one build spoils the next estimates.
     """
     slower, stages = _machine()
     if cache_folder() is None or "compile" in taken:
         return
-    for stage, seconds in taken.items():
+    for stage in taken:
+        seconds = min(taken[stage], work.get(stage, math.inf))
         if stage in expected and stage != LIBRARY and seconds >= SHORTEST:
             part = stages.get(stage, 1.0) * (seconds / expected[stage]) ** 0.5
             stages[stage] = min(max(part, 1.0 / FARTHEST), FARTHEST)
@@ -214,4 +221,13 @@ def _drives(site: Site) -> float:
     starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
     seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
     seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
+    seconds += sum(_planned(p) for p in site.recipe.paths if drive and p.name == drive.path)
     return DRIVING * seconds + (FILMING if drive and drive.film else 0.0)
+
+
+def _planned(path: PathSpec) -> float:
+    """About how long it takes to drive a path that is planned on the finished ground [s]."""
+    if not isinstance(path.route, Planned):
+        return 0.0
+    places = [place for _, place in path.route.stops]
+    return DETOUR * sum(math.dist(*two) for two in pairwise(places)) / path.speed_m_s

@@ -9,6 +9,7 @@ length of the site's side. Farther out the body curves away.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -128,8 +129,9 @@ def _values(
     known, weight, points = known[border:], weight[border:], points[border:]
     bare = height - relief[:border]
     slope = (bare - weight[:border] * known[:border] - inside) / inward
-    colour = linear_from_srgb(np.arange(256) / 255.0)[border_values(ground_rgb)]
-    mean, states, start = colour.mean(axis=0), [np.column_stack([bare, slope, colour])], 0
+    linear = linear_from_srgb(np.arange(256) / 255.0)
+    colour, mean = linear[border_values(ground_rgb)], _mean_colour(ground_rgb, linear)
+    states, start = [np.column_stack([bare, slope, colour])], 0
     for last, ring in pairwise(rings):
         step, count = ring.away - last.away, len(last.points)
         here = slice(start, start + count)
@@ -153,6 +155,12 @@ def _values(
     heights = whole[:, 0] + relief - drop
     heights[:border] = height
     return heights, whole[:, 2:], weight
+
+
+def _mean_colour(rgb: NDArray[np.uint8], linear: Array) -> Array:
+    """Of the whole site, drifts at rocks and all: there are such beyond it too."""
+    counts = [np.bincount(rgb[..., band].ravel(), minlength=256) for band in range(3)]
+    return np.array([math.fsum(count * linear) for count in counts]) / rgb[..., 0].size
 
 
 def _sides(ground: Heightfield) -> tuple[float, float]:

@@ -1,10 +1,15 @@
 """What `check` says that a build costs."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
-from terrain_forge.building.cost import FARTHEST, learn, pace
+from terrain_forge.building.cost import DETOUR, DRIVING, FARTHEST, learn, pace, stage_seconds
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.making import plan
+from terrain_forge.paths import PathSpec, Planned
+from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
 
 
 def test_pace_is_measured_once_for_each_machine(tmp_path, monkeypatch):
@@ -32,19 +37,44 @@ def test_builds_teach_how_long_their_stages_take(tmp_path, monkeypatch):
     def known():
         return json.loads(file.read_text())["stages"]
 
-    learn({"writing": 2.0}, {"writing": 8.0, "compile": 9.0})
+    learn({"writing": 2.0}, {"writing": 8.0, "compile": 9.0}, {"writing": 8.0})
     assert known() == {}
     factor = 1.0
     for _ in range(6):
         expected = {"writing": 2.0 * factor, "ground": 1.0, "rock library": 1.0}
-        learn(expected, {"writing": 8.0, "ground": 0.01, "rock library": 9.0, "paths": 3.0})
+        taken = {"writing": 8.0, "ground": 0.01, "rock library": 9.0, "paths": 3.0}
+        learn(expected, taken, taken)
         assert set(known()) == {"writing"}
         factor = known()["writing"]
     assert factor == pytest.approx(4.0, rel=0.05)
-    learn({"writing": 2.0}, {"writing": 8e6})
+    learn({"writing": 2.0}, {"writing": 8e6}, {"writing": 8e6})
     assert known() == {"writing": FARTHEST}
     assert pace() == json.loads(file.read_text())["pace"]
     for broken in ({"writing": 1e9}, {"writing": "x"}, [], None):
         file.write_text(json.dumps(json.loads(file.read_text()) | {"stages": broken}))
         assert 0.0 < pace()
         assert known() == {}
+
+
+def test_a_busy_machine_teaches_nothing_of_its_waiting(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    learn({"writing": 2.0}, {"writing": 10.0}, {"writing": 2.0})
+    assert json.loads((tmp_path / "pace.json").read_text())["stages"] == {"writing": 1.0}
+
+
+def test_the_drive_of_a_planned_path_is_in_the_estimate():
+    route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
+    recipe = Recipe(
+        name="planned",
+        seed=1,
+        body="mars",
+        dtm=FlatDtm(size_m=(16.0, 12.0)),
+        terrain=TerrainSpec(spacing_m=0.25),
+        paths=(PathSpec(name="there", route=route, speed_m_s=0.1),),
+    )
+    drive = DriveSpec(path="there", film=False)
+    alone, driven = (
+        stage_seconds(plan(replace(recipe, validate=ValidateSpec(drive=one))), [])["validation"]
+        for one in (None, drive)
+    )
+    assert driven - alone == pytest.approx(pace() * 90.0 * DETOUR * DRIVING, rel=0.1)
