@@ -28,7 +28,7 @@ def stereo(recording: Recording) -> TimedPoses:
     def images() -> Iterator[tuple[float, NDArray[np.uint8], NDArray[np.uint8]]]:
         for number, stamp in enumerate(left.stamps.tolist()):
             yield (
-                stamp * 1e-9,
+                stamp / 1e9,
                 _grey(left.image(number, stream)),
                 _grey(right.image(number, stream)),
             )
@@ -56,7 +56,7 @@ def wheels(recording: Recording) -> TimedPoses:
     zero = np.zeros_like(half)
     return TimedPoses(
         name="wheel-odometry",
-        time=np.asarray(stamps * 1e-9, np.float64),
+        time=np.asarray(stamps / 1e9, np.float64),
         position=np.stack([columns["x"], columns["y"], zero], axis=-1),
         quaternion=np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1),
     )
@@ -68,14 +68,14 @@ def inertial(recording: Recording) -> TimedPoses:
         raise DataError("dead reckoning: no IMU was recorded")
     stamps, values = recording.imus[0].table
     rates, forces = values[:, :3], values[:, 3:6]
-    time = (stamps - stamps[0]) * 1e-9
+    time = (stamps - stamps[0]) / 1e9
     still = time <= 1.0
     up = forces[still].mean(axis=0)
     place, turn = integrated(
         time, rates - rates[still].mean(axis=0), forces, up=up, gravity=recording.gravity
     )
     return TimedPoses(
-        name="imu", time=np.asarray(stamps * 1e-9, np.float64), position=place, quaternion=turn
+        name="imu", time=np.asarray(stamps / 1e9, np.float64), position=place, quaternion=turn
     )
 
 

@@ -189,7 +189,7 @@ def truth_of(recording: Recording, frame: str) -> TimedPoses:
         poses = recording.truth_of(recording.sensor(frame))
     return TimedPoses(
         name=frame,
-        time=np.asarray(poses.stamps * 1e-9, np.float64),
+        time=np.asarray(poses.stamps / 1e9, np.float64),
         position=poses.position,
         quaternion=poses.quaternion,
     )

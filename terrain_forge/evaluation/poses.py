@@ -97,7 +97,7 @@ def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -
     comma = path.suffix.lower() == ".csv" if euroc is None else euroc
     values, places = read_rows(path, 8, longer=comma)
     if comma:
-        values[:, 0] *= 1e-9
+        values[:, 0] /= 1e9
     time, position = values[:, 0], values[:, 1:4]
     quaternion = values[:, 4:8] if comma else np.roll(values[:, 4:8], 1, axis=-1)
     return checked_poses(time, position, quaternion, name=name or path.stem, places=places)

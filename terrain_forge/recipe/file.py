@@ -262,8 +262,19 @@ def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str
     unknown = "unexpected_keyword_argument"
     first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
     key = _real_key(data, first["loc"])
-    more = f" (and {len(rest)} more)" if rest else ""
-    return _locate(path, lines, key, _message(dict(first), key)) + more
+    there = [error for error in rest if _real_key(data, error["loc"]) == key]
+    message = _either([_message(dict(error), key) for error in (first, *there)])
+    more = f" (and {len(rest) - len(there)} more)" if len(rest) > len(there) else ""
+    return _locate(path, lines, key, message) + more
+
+
+def _either(messages: list[str]) -> str:
+    """What one value may be where it may be of several types, each of which says so."""
+    wanted = [message.partition(", found ")[0].removeprefix("must be ") for message in messages]
+    if len(wanted) < 2 or not all(message.startswith("must be ") for message in messages):
+        return messages[0]
+    found = messages[0].partition(", found ")[2]
+    return f"must be {' or '.join(dict.fromkeys(wanted))}, found {found}"
 
 
 def _meant(error: ValidationError) -> list[Any]:

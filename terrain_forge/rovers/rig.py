@@ -28,6 +28,10 @@ else:
     AnySensor = Annotated[Union[tuple(sensor_kinds().values())], BY_KIND]  # noqa: UP007 (a tuple)
 
 
+_FRAMES = ("world", "map", "odom", "base_link", "base_footprint")
+"""Names of frames that a dataset's readers take for other things than a sensor."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MoreSensors(Spec):
     """Sensors beside the rover's own."""
@@ -49,7 +53,7 @@ def with_sensors(
     is moved to the one that carries it.
 
     Raises:
-        RecipeError: if two sensors have one name, or one sits on a link that the rover lacks.
+        RecipeError: if two sensors have one name, one has that of a link or frame, or sits on a link that the rover lacks.
     """
     if choice is None:
         return rover
@@ -71,6 +75,11 @@ def with_sensors(
             if named.setdefault(part, number) != number:
                 raise RecipeError(
                     f"{part!r} is the name of another sensor too", key=(*key, number, "name")
+                )
+            if part in (*links, *_FRAMES):
+                raise RecipeError(
+                    f"{part!r} is the name of a link or frame, choose another for the sensor's",
+                    key=(*key, number, "name"),
                 )
     added = tuple(_carried(sensor, frames) for sensor in added)
     kept = [sensor for sensor in own if sensor.name not in {one.name for one in added}]

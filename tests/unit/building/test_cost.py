@@ -69,7 +69,7 @@ def test_the_drive_of_a_planned_path_is_in_the_estimate():
         seed=1,
         body="mars",
         dtm=FlatDtm(size_m=(16.0, 12.0)),
-        terrain=TerrainSpec(spacing_m=0.25),
+        terrain=TerrainSpec(spacing_m=0.1),
         paths=(PathSpec(name="there", route=route, speed_m_s=0.1),),
     )
     drive = DriveSpec(path="there", film=False)

@@ -118,6 +118,8 @@ def test_shipped_recipes_are_sound(recipe):
         ("seed: 42", "? [a, b]\n: 42", ["a key must be a word"]),
         ("rover: morpheus", "rover:", ["rover", "nothing"]),
         ("seed: 42", "seed: 4.2", ["seed", "found 4.2"]),
+        ("seed: 42", "seed: 42\ndataset: {gravity_m_s2: .nan}",
+         ["gravity_m_s2: must be 'body' or a finite number, found NaN"]),
     ],
 )  # fmt: skip
 def test_one_line_with_file_line_and_key(tmp_path, old, new, words):

@@ -59,6 +59,10 @@ rover: morpheus
 sensors:
 """
 WRONG = {
+    "  - {name: base_link, kind: imu}": (
+        "8: sensors[0].name: 'base_link' is the name of a link or frame, choose another"
+    ),
+    "  - {name: map, kind: imu}": "8: sensors[0].name: 'map' is the name of a link or frame",
     "  - {name: a, kind: camera}\n  - {name: a, kind: imu}": (
         "9: sensors[1].name: 'a' is the name of another sensor too"
     ),
