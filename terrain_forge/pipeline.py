@@ -61,6 +61,7 @@ from terrain_forge.recording import (
     dataset_folder,
     record_dataset,
     recording_lines,
+    require_long_enough,
     require_recordable,
 )
 from terrain_forge.rovers import resolve_rover, rover_of
@@ -164,6 +165,7 @@ def build(
             return tiling.build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
         tiling.require_whole(out, workers, scheduler)
         require_recordable(recipe, rover_of(site))
+        require_long_enough(site, rover_of(site).sensors)
         require_exports(orders, site)
         expected = stage_seconds(site, orders)
         watch.expect(expected)
@@ -430,4 +432,5 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     yield from site_lines(site, orders)
     rover = rover_of(site)
     require_recordable(recipe, rover)
+    require_long_enough(site, rover.sensors)
     yield from recording_lines(site, rover.sensors)

@@ -3,6 +3,7 @@
 from .cost import RecordingCost as RecordingCost
 from .cost import recording_cost as recording_cost
 from .cost import recording_lines as recording_lines
+from .cost import require_long_enough as require_long_enough
 from .driven import motion_of_drive as motion_of_drive
 from .early import require_recordable as require_recordable
 from .index import dataset_folder as dataset_folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from terrain_forge.base import size_text
+from terrain_forge.base import RecipeError, size_text
 from terrain_forge.building import pace
 from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site
 from terrain_forge.paths import duration
@@ -82,10 +82,9 @@ def recording_cost(
     spec = site.recipe.dataset or DatasetSpec()
     kinds = instrument_kinds()
     recorded = _recorded(sensors, spec)
-    length = next((duration(one) for one in site.routes if one.name == _path(site, spec)), None)
+    length = _length(site, spec)
     if length is None:
         return None
-    length += 2.0 * spec.still_s + spec.ramp_s
     length = max(min(length, length if end is None else end) - begin, 0.0)
     counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
     costs = [measurement_cost(one) for one in recorded]
@@ -102,6 +101,32 @@ def recording_cost(
         seconds=pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True)),
         size=size,
     )
+
+
+def require_long_enough(site: Site, sensors: Sequence[Sensor]) -> None:
+    """Refuse a recording that ends before one of its pictures or sweeps is done.
+
+    Raises:
+        RecipeError: names the path and the sensor.
+    """
+    spec, kinds = site.recipe.dataset, instrument_kinds()
+    length = None if spec is None else _length(site, spec)
+    if spec is None or length is None:
+        return
+    for one in _recorded(sensors, spec):
+        takes = 1.0 / _rate(one, spec)
+        if issubclass(kinds[one.kind], Frames) and length < takes:
+            raise RecipeError(
+                f"the recording along {_path(site, spec)!r} lasts {length:.3g} s, sensor "
+                f"{one.name!r} takes {takes:.3g} s for one measurement",
+                key=("dataset",),
+            )
+
+
+def _length(site: Site, spec: DatasetSpec) -> float | None:
+    """How long the motion lasts [s]; None along a path that is planned on the finished ground."""
+    length = next((duration(one) for one in site.routes if one.name == _path(site, spec)), None)
+    return None if length is None else length + 2.0 * spec.still_s + spec.ramp_s
 
 
 def _recorded(sensors: Sequence[Sensor], spec: DatasetSpec) -> list[Sensor]:

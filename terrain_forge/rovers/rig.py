@@ -53,7 +53,8 @@ def with_sensors(
     is moved to the one that carries it.
 
     Raises:
-        RecipeError: if two sensors have one name, one has that of a link or frame, or sits on a link that the rover lacks.
+        RecipeError: if two sensors have one name, one has that of a link or frame, or sits on a
+            link that the rover lacks.
     """
     if choice is None:
         return rover
