@@ -11,38 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge import report, tiling
-from terrain_forge.base import (
-    OutputError,
-    Progress,
-    Stopwatch,
-    compile_ahead,
-    require_scheduler,
-)
-from terrain_forge.building import (
-    BuildResult,
-    blaming,
-    chosen_exports,
-    dtm_lines,
-    exports_in,
-    fetch_lines,
-    finish,
-    folder_state,
-    learn,
-    re_export_orders,
-    read_manifest,
-    replacing,
-    require_apart,
-    require_folder,
-    require_listed,
-    require_ours,
-    require_readable_recipe,
-    site_lines,
-    stage_seconds,
-    updating,
-    write_export,
-    write_files,
-)
+from terrain_forge import building, recording, report, tiling
+from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, require_scheduler
 from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -53,16 +23,6 @@ from terrain_forge.recipe import (
     input_paths,
     require_exports,
     require_fits,
-)
-from terrain_forge.recording import (
-    RECORDING,
-    Order,
-    Recorded,
-    dataset_folder,
-    record_dataset,
-    recording_lines,
-    require_long_enough,
-    require_recordable,
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
@@ -75,7 +35,7 @@ STAGES = ("compile", *MAKING, "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
-RECORD_STAGES = (*RECORDING, "report page")
+RECORD_STAGES = (*recording.RECORDING, "report page")
 """Stages of a recording of a built world."""
 
 
@@ -124,7 +84,7 @@ def build(
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress | bool = False,
-) -> BuildResult:
+) -> building.BuildResult:
     """Make a recipe's world and write all of it.
 
     A site in `tiles`, or too large for memory, is built tile by tile, in place: what a killed build
@@ -153,27 +113,30 @@ def build(
         inputs = input_paths(recipe, Path(folder))
         if out.exists():  # files that the rover's own file names
             inputs += resolve_rover(recipe.rover, Path(folder)).files
-        require_apart(out, inputs)
+        building.require_apart(out, inputs)
         if scheduler is not None:
             require_scheduler(scheduler)
-        removed = () if tiling.is_site(out) else require_ours(out, force=force)
-        orders = chosen_exports(recipe, only)
+        removed = () if tiling.is_site(out) else building.require_ours(out, force=force)
+        orders = building.chosen_exports(recipe, only)
         compile_ahead(watch)
         site = plan(recipe, folder=folder, progress=watch)
         if site.recipe.tiles is not None:
             order = tiling.order_tiles(site, out, orders)
             return tiling.build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
         tiling.require_whole(out, workers, scheduler)
-        require_recordable(recipe, rover_of(site))
-        require_long_enough(site, rover_of(site).sensors)
+        rover = rover_of(site)
+        recording.require_recordable(recipe, rover)
+        recording.require_long_enough(site, rover.sensors)
         require_exports(orders, site)
-        expected = stage_seconds(site, orders)
+        expected = building.stage_seconds(site, orders)
         watch.expect(expected)
-        with replacing(out, force=force) as directory:
+        with building.replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
-        learn(expected, watch.seconds, watch.work)
-    return BuildResult(directory=out, world=world, passed=passed, exports=exports, removed=removed)
+        building.learn(expected, watch.seconds, watch.work)
+    return building.BuildResult(
+        directory=out, world=world, passed=passed, exports=exports, removed=removed
+    )
 
 
 def write_world(
@@ -183,7 +146,7 @@ def write_world(
     exports: tuple[str, ...] | dict[str, dict[str, Any]] | None = None,
     force: bool = False,
     progress: Progress | bool = False,
-) -> BuildResult:
+) -> building.BuildResult:
     """Write a world that was made or changed in Python as `build` writes a recipe's.
 
     The manifest names the recipe that the world began with; edits are in the saved world alone.
@@ -201,22 +164,24 @@ def write_world(
         OutputError, StorageError: as `build`.
     """
     out, recipe = Path(out).resolve(), world.site.recipe
-    require_folder(out)
+    building.require_folder(out)
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
-    removed = require_ours(out, force=force)
+    removed = building.require_ours(out, force=force)
     with (
         watched(progress, STAGES[len(MAKING) :]) as watch,
-        replacing(out, force=force) as directory,
+        building.replacing(out, force=force) as directory,
     ):
         written, passed = _write_whole(world, directory, orders=orders, watch=watch)
-    return BuildResult(directory=out, world=world, passed=passed, exports=written, removed=removed)
+    return building.BuildResult(
+        directory=out, world=world, passed=passed, exports=written, removed=removed
+    )
 
 
 def _write_whole(
     world: World, directory: Path, *, orders: tuple[ExportOrder, ...], watch: Stopwatch
 ) -> tuple[tuple[Export, ...], bool]:
     """Write all of a world into an empty folder; its exports, and whether all checks passed."""
-    exports = write_files(world, directory, orders=orders, watch=watch)
+    exports = building.write_files(world, directory, orders=orders, watch=watch)
     return exports, report.assess(world, directory, exports=exports, watch=watch)
 
 
@@ -229,7 +194,7 @@ def cut(
     only: tuple[str, ...] | None = None,
     force: bool = False,
     progress: Progress | bool = False,
-) -> BuildResult:
+) -> building.BuildResult:
     """Write a part of a site in tiles as a world of its own.
 
     Args:
@@ -278,31 +243,31 @@ def export(
         StorageError: if the disk does not take the files.
     """
     out = Path(out).resolve()
-    finish(out)
+    building.finish(out)
     older = {check.name for check in failed_checks(out)}
     with watched(progress, export_stages(only)) as watch:
-        manifest = read_manifest(out)
+        manifest = building.read_manifest(out)
         watch("load")
         world = World.load(out)
-        orders = re_export_orders(world, out, only)
+        orders = building.re_export_orders(world, out, only)
         folders = [order.folder for order in orders]
-        require_listed(out, manifest, folders, force=force)
-        before = folder_state(out, manifest, *(f"{folder}/" for folder in folders))
-        exports = {export.folder: export for export in exports_in(manifest)}
+        building.require_listed(out, manifest, folders, force=force)
+        before = building.folder_state(out, manifest, *(f"{folder}/" for folder in folders))
+        exports = {export.folder: export for export in building.exports_in(manifest)}
         with (
-            updating(out, anew=folders, foreign=before.foreign) as fresh,
-            blaming(out, before.altered),
+            building.updating(out, anew=folders, foreign=before.foreign) as fresh,
+            building.blaming(out, before.altered),
         ):
             for order in orders:
                 watch(f"export {order.folder}")
-                exports[order.folder] = write_export(world, fresh, order)
+                exports[order.folder] = building.write_export(world, fresh, order)
             report.assess(
                 world,
                 fresh,
                 exports=tuple(exports.values()),
                 watch=watch,
                 before=before,
-                dataset=dataset_folder(out),
+                dataset=recording.dataset_folder(out),
                 # No other format can change how a rover drives through the MJCF.
                 keep_drives=before.intact and all(order.kind != "mjcf" for order in orders),
             )
@@ -341,22 +306,25 @@ def validate(
     if tiling.is_site(out):
         with watched(progress, VALIDATE_STAGES) as watch:
             return tiling.validate_site(out, watch=watch)
-    finish(out)
+    building.finish(out)
     with watched(progress, VALIDATE_STAGES) as watch:
-        manifest = read_manifest(out)
-        require_listed(out, manifest, force=force)
+        manifest = building.read_manifest(out)
+        building.require_listed(out, manifest, force=force)
         watch("load")
         world = World.load(out)
-        require_readable_recipe(world, out)
-        before = folder_state(out, manifest)
-        with updating(out, foreign=before.foreign) as fresh, blaming(out, before.altered):
+        building.require_readable_recipe(world, out)
+        before = building.folder_state(out, manifest)
+        with (
+            building.updating(out, foreign=before.foreign) as fresh,
+            building.blaming(out, before.altered),
+        ):
             return report.assess(
                 world,
                 fresh,
-                exports=exports_in(manifest),
+                exports=building.exports_in(manifest),
                 watch=watch,
                 before=before,
-                dataset=dataset_folder(out),
+                dataset=recording.dataset_folder(out),
                 every_consumer=every_consumer,
                 drives=drives,
             )
@@ -373,7 +341,7 @@ def record(
     force: bool = False,
     progress: Progress | bool = False,
     **changes: Any,
-) -> Recorded:
+) -> recording.Recorded:
     """Record what a world's rover measures along a path, or what of it is missing.
 
     Args:
@@ -393,14 +361,14 @@ def record(
         OutputError: if the folder holds another recording, or another process writes there.
         StorageError: if the disk does not take it.
     """
-    order = Order(begin=begin, end=end, only=only, workers=workers, force=force)
+    order = recording.Order(begin=begin, end=end, only=only, workers=workers, force=force)
     with watched(progress, RECORD_STAGES) as watch:
         place = None
         if not isinstance(world, World):
             place = Path(world).resolve()
             out = out or place
-            finish(place)
-            read_manifest(place)
+            building.finish(place)
+            building.read_manifest(place)
             watch("load")
             world = World.load(place)
         if out is None:
@@ -409,7 +377,7 @@ def record(
         from terrain_forge.report import renew_report_page
 
         out = Path(out).resolve()
-        recorded = record_dataset(world, out, spec, order, watch)
+        recorded = recording.record_dataset(world, out, spec, order, watch)
         if out == place:
             watch("report page")
             renew_report_page(world, out, force=force)
@@ -424,13 +392,13 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     Raises:
         RecipeError, DataError: if the recipe cannot be built.
     """
-    missing = list(fetch_lines(recipe))
-    yield from missing or dtm_lines(recipe, Path(folder))
+    missing = list(building.fetch_lines(recipe))
+    yield from missing or building.dtm_lines(recipe, Path(folder))
     if missing:
         return
     site, orders = plan(recipe, folder=folder), export_orders(recipe)
-    yield from site_lines(site, orders)
+    yield from building.site_lines(site, orders)
     rover = rover_of(site)
-    require_recordable(recipe, rover)
-    require_long_enough(site, rover.sensors)
-    yield from recording_lines(site, rover.sensors)
+    recording.require_recordable(recipe, rover)
+    recording.require_long_enough(site, rover.sensors)
+    yield from recording.recording_lines(site, rover.sensors)

@@ -18,13 +18,13 @@ from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports
 from .re_export import re_export_orders as re_export_orders
 from .re_export import require_readable_recipe as require_readable_recipe
+from .refusals import require_apart as require_apart
+from .refusals import require_folder as require_folder
+from .refusals import require_listed as require_listed
+from .refusals import require_ours as require_ours
 from .staging import finish as finish
 from .staging import holding as holding
 from .staging import replacing as replacing
-from .staging import require_apart as require_apart
-from .staging import require_folder as require_folder
-from .staging import require_listed as require_listed
-from .staging import require_ours as require_ours
 from .staging import updating as updating
 from .staging import write_through as write_through
 from .storage import storing as storing

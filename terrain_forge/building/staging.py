@@ -11,157 +11,32 @@ import fcntl
 import json
 import logging
 import os
-import re
 import shutil
 import time
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError, StorageError, hold_interrupts
+from terrain_forge.base import OutputError, hold_interrupts
 from terrain_forge.building.manifest import (
-    ASSESSED,
     LOCK,
     MARK,
     NAME,
     STAGING,
     WHOLE,
     WORLD,
-    Manifest,
     all_files,
-    changed_files,
     foreign_files,
     is_rewritten,
     is_staging,
     read_manifest,
     suspect_files,
 )
+from terrain_forge.building.refusals import require_ours
 from terrain_forge.building.storage import storing
 
 _log = logging.getLogger(__name__)
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
-_FOREIGN = "that its manifest does not list"
-_CHANGED = "changed since it was built"
-_NAMED = 5
-"""Files that a message names."""
-_ADDRESS = re.compile("[a-z][a-z0-9+]+:")
-"""What is left in a path of the scheme of an address, such as s3://bucket/worlds."""
-_LONGEST, _DEEPEST = 255, 3500
-"""Bytes of a name, and of the path of a world, whose files' paths are longer."""
-
-
-def require_folder(out: Path) -> None:
-    """Refuse an address of an object store, which is no folder: all is staged, renamed and locked.
-
-    Raises:
-        OutputError: names it, and what does serve.
-    """
-    for number, place in enumerate(out.parts, 1):
-        if _ADDRESS.fullmatch(place) and not Path(*out.parts[:number]).exists():
-            rest = "/".join(out.parts[number:])
-            raise OutputError(
-                f"{place}//{rest} is an address: worlds are written into a folder, which is renamed"
-                " and locked as object stores cannot; copy the built folder there, or mount the"
-                " store"
-            )
-
-
-def require_apart(out: Path, inputs: Iterable[Path]) -> None:
-    """Refuse an output folder, symbolic links resolved, in which a file lies that is read.
-
-    Raises:
-        OutputError: names the file, or says that the folder's own name is too long.
-    """
-    require_folder(out)
-    longest = [*((name, _LONGEST) for name in out.parts), (out.name, _LONGEST - len(f".{STAGING}"))]
-    for name, most in (*longest, (str(out), _DEEPEST)):
-        if (size := len(os.fsencode(name))) > most:
-            raise OutputError(f"output folder {name[:20]}…: {size} bytes long, at most {most}")
-    for path in inputs:
-        if path.resolve().is_relative_to(out):
-            raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
-
-
-def require_ours(out: Path, *, force: bool = False, holds: str = WORLD) -> tuple[str, ...]:
-    """Refuse an output folder whose replacement would remove what is not ours.
-
-    Args:
-        out: The output folder, symbolic links resolved.
-        force: Whether files that its manifest does not list may be removed.
-        holds: What an older folder of ours must hold to be replaced.
-
-    Returns:
-        Those files, relative to it.
-
-    Raises:
-        OutputError: says what is in the way.
-        StorageError: if the folder cannot be made.
-    """
-    if not out.exists():
-        parent = next(above for above in out.parents if above.exists())
-        if not parent.is_dir():
-            raise OutputError(f"{out} cannot be made: {parent} is no folder")
-        _require_writable(parent, out)
-        return ()
-    if os.path.ismount(out):
-        raise OutputError(f"{out} is a mount point, which cannot be replaced: name a folder in it")
-    _require_writable(out.parent, out)
-    if out.is_dir() and not foreign_files(out, {}):
-        return ()
-    if not (out / NAME).is_file():
-        raise OutputError(
-            f"{out} exists and is not a terrain-forge {holds}; remove it or choose another with -o"
-        )
-    suspect = suspect_files(out, holds=holds)
-    _refuse([name for name, changed in suspect.items() if not changed], _FOREIGN, out, force)
-    _refuse([name for name, changed in suspect.items() if changed], _CHANGED, out, force)
-    return tuple(sorted(suspect))
-
-
-def require_listed(
-    out: Path,
-    manifest: Manifest,
-    folders: Iterable[str] = (),
-    *,
-    also: tuple[str, ...] = ASSESSED,
-    force: bool,
-) -> None:
-    """Refuse to renew parts of a world where that would remove what is not its own, or was edited.
-
-    Args:
-        out: The world's folder.
-        manifest: Its manifest.
-        folders: Folders that are written anew.
-        also: Beginnings of names of other files that are.
-        force: Whether that may be removed.
-
-    Raises:
-        OutputError: names it.
-    """
-    folders = tuple(folders)
-    inside = tuple(f"{folder}/" for folder in folders)
-    foreign = [
-        name for name in foreign_files(out, manifest) if name in folders or name.startswith(inside)
-    ]
-    changed = [name for name in changed_files(out, manifest) if name.startswith((*inside, *also))]
-    _refuse(foreign, _FOREIGN, out, force)
-    _refuse(changed, _CHANGED, out, force)
-    if foreign or changed:
-        _log.warning("removed from %s: %s", out, ", ".join(sorted({*foreign, *changed})))
-
-
-def _refuse(names: list[str], what: str, out: Path, force: bool) -> None:
-    if names and not force:
-        named = ", ".join(names[:_NAMED]) + (" …" if len(names) > _NAMED else "")
-        files = "1 file" if len(names) == 1 else f"{len(names)} files"
-        raise OutputError(
-            f"{out} holds {files} {what}: {named}; move them away, or let --force remove them"
-        )
-
-
-def _require_writable(parent: Path, out: Path) -> None:
-    if not os.access(parent, os.W_OK | os.X_OK):
-        raise StorageError(f"{out} cannot be written: {parent} is not writable")
 
 
 @contextmanager

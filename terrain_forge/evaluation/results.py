@@ -14,7 +14,7 @@ from terrain_forge.evaluation.adapter import Run
 from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.paper import SETUP, paper_figure
 from terrain_forge.evaluation.score import Score
-from terrain_forge.evaluation.tables import score_plain, write_table
+from terrain_forge.evaluation.tables import score_plain, table_lines, write_table
 
 ERRORS = "errors.csv"
 """Where the estimate lies, and how far it is off, in the folder of a system's run."""
@@ -114,19 +114,11 @@ def _percent(part: float) -> str:
 
 def result_lines(results: Sequence[Result]) -> list[str]:
     """The table as text; columns that are empty in all rows are left out."""
-    whole = [row[:-1] for row in result_rows(results)]
-    kept = [n for n in range(len(whole[0])) if any(row[n] for row in whole[1:])]
-    rows = [[row[n] for n in kept] for row in whole]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row, (*_, told) in zip(rows, result_rows(results), strict=True):
-        cells = [row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]
-        lines.append("  ".join(cells).rstrip())
-        if told not in (_LAST, "done"):
-            lines[-1] += f"  {told}"
-    if any(_PAPER[0] in row for row in whole[:1]):
-        lines.append(SETUP)
-    return lines
+    rows = result_rows(results)
+    plain = table_lines([row[:-1] for row in rows])
+    told = ["" if row[-1] in (_LAST, "done") else f"  {row[-1]}" for row in rows]
+    setup = [SETUP] if _PAPER[0] in rows[0] else []
+    return [*map(str.__add__, plain, told), *setup]
 
 
 def write_results(results: Sequence[Result], folder: Path) -> list[Path]:

@@ -20,7 +20,7 @@ _LONGEST = 18
 """Characters of a level's name."""
 
 
-def effect_plot(study: Study, factor: Factor, effects: list[Effect], measure: str = MAIN) -> bytes:
+def effect_plot(study: Study, factor: Factor, effects: list[Effect]) -> bytes:
     """The figures of a factor's levels, by system, as PNG.
 
     A dot is a cell, a line joins the medians, a bar goes from the least to the largest; a cross
@@ -29,7 +29,7 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect], measure: st
     figure = Figure(figsize=(6.2, 4.2), dpi=110, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    mine = [one for one in effects if one.factor == factor.name and one.measure == measure]
+    mine = [one for one in effects if one.factor == factor.name and one.measure == MAIN]
     systems = [adapter.name for adapter in study.file.systems]
     for number, system in enumerate(systems):
         shift = 0.5 * (number + 0.5) / len(systems) - 0.25
@@ -49,7 +49,7 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect], measure: st
     )
     axes.set_xlim(-0.5, len(names) - 0.5)
     axes.set_title(factor.name, fontsize=11, loc="left", color=_INK)
-    axes.set_ylabel(f"{measure} [{MEASURES[measure][3]}]")
+    axes.set_ylabel(f"{MAIN} [{MEASURES[MAIN][3]}]")
     axes.grid(axis="y", color="#eee8e0", linewidth=0.6)
     axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
     axes.spines[["top", "right"]].set_visible(False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from terrain_forge.base import Array, portable
 from terrain_forge.datasets.poses import inverse_pose
 from terrain_forge.datasets.streams import RecordedCamera
@@ -87,18 +89,14 @@ def _openvins_cameras(rig: Rig) -> str:
 
 
 def _openvins_imu(rig: Rig) -> str:
-    place = "".join(f"    - {row(line)}\n" for line in _unit())
     more = {name: _IDENTITY for name in ("Tw", "R_IMUtoGYRO", "Ta", "R_IMUtoACC")}
     zeros = "[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]"
     return (
-        f"imu0:\n  T_i_b:\n{place}"
+        "imu0:\n"
+        + nested("T_i_b", np.eye(4), "    ")
         + lines({**_noise(rig), "time_offset": 0.0, "model": '"kalibr"'}, "  ")
         + lines({**more, "Tg": zeros}, "  ")
     )
-
-
-def _unit() -> list[list[float]]:
-    return [[float(i == j) for j in range(4)] for i in range(4)]
 
 
 def _estimator(rig: Rig) -> str:

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from terrain_forge.base import Array, portable
-from terrain_forge.datasets.poses import inverse_pose
+from terrain_forge.base import Array
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedSensor
 
@@ -16,7 +15,10 @@ EARTH = 9.81
 """Gravity that several systems have built in [m/s^2]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+_MEASURED = "gyroscope", "accelerometer"
+
+
+@dataclass(frozen=True, eq=False)
 class Noise:
     """An IMU's noise: densities, of the values and of their biases' walks."""
 
@@ -54,17 +56,8 @@ class Rig:
     def noise(self) -> Noise:
         """That of the IMU."""
         assert self.imu is not None
-
-        def told(name: str) -> float:
-            assert self.imu is not None
-            return float(self.imu.numbers(name, (1,))[0])
-
-        return Noise(
-            gyroscope=told("gyroscope_noise_density"),
-            gyroscope_walk=told("gyroscope_random_walk"),
-            accelerometer=told("accelerometer_noise_density"),
-            accelerometer_walk=told("accelerometer_random_walk"),
-        )
+        names = [f"{one}_{two}" for one in _MEASURED for two in ("noise_density", "random_walk")]
+        return Noise(*(float(self.imu.numbers(name, (1,))[0]) for name in names))
 
     @property
     def gravity(self) -> str:
@@ -80,11 +73,6 @@ class Rig:
             f"{system} has {EARTH} m/s^2 built in: with an IMU it cannot be right on this dataset.",
             f"Record with `dataset: {{gravity_m_s2: {EARTH}}}`, or change its source.",
         )
-
-    def from_left(self, camera: RecordedCamera) -> Array:
-        """From the first camera's frame to another one's, shape [4, 4]."""
-        left = self.cameras[0].body_pose
-        return np.asarray(portable.product(inverse_pose(camera.body_pose), left))
 
 
 def four(camera: RecordedCamera) -> Array | None:

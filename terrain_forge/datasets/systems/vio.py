@@ -6,6 +6,8 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from terrain_forge.base import Array, quaternion_from_matrix, xyzw
 from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig, four, model_of
@@ -146,7 +148,7 @@ def _kimera_camera(camera: RecordedCamera) -> str:
 def _kimera_imu(rig: Rig) -> str:
     assert rig.imu is not None
     noise = rig.noise
-    unit = row([float(i == j) for i in range(4) for j in range(4)])
+    unit = row(np.eye(4).ravel().tolist())
     return (
         OPENCV
         + remark(rig.gravity)

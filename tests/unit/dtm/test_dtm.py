@@ -23,7 +23,7 @@ from terrain_forge.dtm import (
 )
 from terrain_forge.dtm.roughness import fit_roughness
 from terrain_forge.dtm.spec import Centre
-from terrain_forge.model import MARS, MOON, Site, Window
+from terrain_forge.model import MARS, MOON, Site
 from terrain_forge.terrain import shape_ground
 from tests.helpers import worlds
 from tests.helpers.places import DATA, SAMPLES
@@ -145,18 +145,6 @@ def test_longitudes_count_either_way(tmp_path, west, asked):
     )
     site, _ = look(spec, tmp_path)
     assert np.degrees(site.lonlat[1]) == pytest.approx(-30.0)
-
-
-def test_window_is_the_cut_of_the_whole(tmp_path):
-    write_raster(tmp_path / "dtm.tif")
-    site, whole = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0), level="plane"), tmp_path)
-    random = np.random.default_rng(3)
-    for _ in range(5):
-        column, row = (int(random.integers(0, n)) for n in (150, 100))
-        window = Window(column=column, row=row, columns=77, rows=51)
-        part = shape_ground(site=site, window=window, layers=())
-        cut = whole.cut(column=column, row=row, columns=77, rows=51)
-        assert np.array_equal(part.elevation, cut.elevation)
 
 
 def test_levelling_takes_the_plane_away(tmp_path):

@@ -1,12 +1,8 @@
-"""What may be wrong with a DTM, and must not become wrong ground: units, holes, stairs, size."""
+"""What may be wrong with a DTM, and must not become wrong ground: units, holes, stairs."""
 
 from __future__ import annotations
 
-import hashlib
 import re
-import resource
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,71 +11,14 @@ import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rasterio.transform import Affine
-from rasterio.windows import Window as RasterWindow
 
 from terrain_forge.base import DataError
-from terrain_forge.dtm import (
-    RasterDtm,
-    describe,
-    geographic_crs,
-    open_raster,
-    scale_error,
-    site_facts,
-    survey,
-    transform,
-)
-from terrain_forge.dtm.description import ground_steps
-from terrain_forge.dtm.projection import datum_radius, local_crs
+from terrain_forge.dtm import site_facts
 from terrain_forge.dtm.quality import assess, destair, planar_posts
 from terrain_forge.dtm.spec import Centre
-from terrain_forge.making import plan as planned
 from terrain_forge.model import MARS, MOON
-from terrain_forge.recipe import Recipe, TerrainSpec, inputs
-from terrain_forge.terrain import shape_ground
-from terrain_forge.writers import write_geotiff
-from tests.helpers import worlds
 from tests.helpers.places import DATA
-
-MOON_LL = "+proj=longlat +R=1737400"
-MOON_EQC = "+proj=eqc +lat_ts=0 +lon_0=0 +R=1737400"
-EQC = "+proj=eqc +lat_ts=0 +lon_0=137.4 +R=3396190"
-SPEC = RasterDtm(source="dtm.tif", size_m=(100.0, 60.0))
-"""A recipe's DTM part for the rasters of this file."""
-
-
-def write_raster(folder, values, *, crs=EQC, transform=None, **profile):
-    """dtm.tif; by default 1 m pixels on Mars."""
-    units = profile.pop("units", None)
-    scale, offset = profile.pop("scale", 1.0), profile.pop("offset", 0.0)
-    with rasterio.open(
-        folder / "dtm.tif", "w", driver="GTiff", count=1, dtype=values.dtype, crs=crs,
-        height=values.shape[0], width=values.shape[1],
-        transform=transform or Affine(1.0, 0.0, 5000.0, 0.0, -1.0, -272000.0), **profile,
-    ) as file:  # fmt: skip
-        file.write(values, 1)
-        file.scales, file.offsets = (scale,), (offset,)
-        if units:
-            file.units = (units,)
-
-
-def plan(folder, spec=SPEC, *, body=MARS, spacing=1.0):
-    """The site of a DTM and its ground."""
-    found = survey(spec, body=body, folder=folder, heights=None)
-    site = worlds.site().replace(size=spec.size_m, spacing=spacing, body=body, **vars(found))
-    return site, shape_ground(site=site, window=site.window, layers=())
-
-
-def words(folder, spec=SPEC, *, body=MARS):
-    """All that `check` says of a raster."""
-    raster = open_raster(spec, body=body, folder=folder)
-    with raster.dataset:
-        found = describe(raster)
-    return " ".join([*(value for _, value in found.facts), *found.warnings])
-
-
-def rough(shape=(300, 400), seed=1):
-    """Rough ground of some metres [m]."""
-    return np.random.default_rng(seed).normal(0.0, 0.05, shape).cumsum(0).cumsum(1) / 40.0
+from tests.helpers.rasters import EQC, MOON_EQC, SPEC, plan, rough, words, write_raster
 
 
 @pytest.mark.parametrize(
@@ -110,13 +49,6 @@ def test_any_unit_becomes_metres_above_the_datum(tmp_path, dtype, scale, offset,
     assert site.datum_height == pytest.approx(heights[74:76, 99:101].mean(), abs=0.5)
     tilt = np.polyfit(ground.east, ground.elevation.mean(axis=0), 1)[0]
     assert tilt == pytest.approx(0.1, rel=0.05)
-
-
-def test_radius_is_taken_above_the_ellipsoid_at_its_latitude():
-    crs = rasterio.crs.CRS.from_proj4("+proj=longlat +a=3396190 +b=3376200").to_wkt()
-    assert datum_radius(crs, 0.0) == pytest.approx(3396190.0)
-    assert datum_radius(crs, 90.0) == pytest.approx(3376200.0)
-    assert 3376200.0 < datum_radius(crs, 45.0) < 3396190.0
 
 
 def test_unit_that_is_no_length_is_reported(tmp_path):
@@ -288,91 +220,6 @@ def test_seams_are_found():
     assert found[0][2] == pytest.approx(0.4, rel=0.1)
 
 
-def test_a_dtm_of_twenty_gigabytes_costs_its_crop(tmp_path):
-    """A sparse file: what was never written takes no space, but would if it were read."""
-    rows, columns = 100_000, 50_000
-    with rasterio.open(
-        tmp_path / "dtm.tif", "w", driver="GTiff", count=1, dtype="float32", crs=EQC, height=rows,
-        width=columns, transform=Affine(1.0, 0.0, -25000.0, 0.0, -1.0, 50000.0), tiled=True,
-        blockxsize=256, blockysize=256, SPARSE_OK=True, BIGTIFF="YES", nodata=0.0,
-    ) as file:  # fmt: skip
-        piece = RasterWindow(24000, 49000, 2048, 2048)
-        file.write(5.0 + rough((2048, 2048)).astype("float32"), 1, window=piece)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    site, _ = plan(tmp_path)
-    text = words(tmp_path)
-    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    assert site.dtm.heights.shape == (256, 256)
-    assert grown < 400_000  # KiB, of 20 million
-    assert "in the pieces looked at" in text
-
-
-def sparse(path, *, size, written, offset):
-    """A tiled raster of metres of which only a piece was ever written."""
-    with rasterio.open(
-        path, "w", driver="GTiff", count=1, dtype="float32", crs=EQC, height=size, width=size,
-        transform=Affine(1.0, 0.0, -0.5 * size, 0.0, -1.0, 0.5 * size), tiled=True,
-        blockxsize=256, blockysize=256, SPARSE_OK=True, BIGTIFF="YES", nodata=0.0,
-    ) as file:  # fmt: skip
-        file.write(written, 1, window=RasterWindow(offset, offset, *written.shape[::-1]))
-
-
-@pytest.mark.slow
-def test_planning_on_a_huge_raster_needs_little(tmp_path):
-    """160 GB of heights, planned after a small raster in a process of its own."""
-    heights = 5.0 + rough((1024, 1024)).astype("float32")
-    sparse(tmp_path / "huge.tif", size=200_000, written=heights, offset=99_488)
-    sparse(tmp_path / "small.tif", size=1024, written=heights, offset=0)
-    program = (
-        "import resource, terrain_forge as tf\n"
-        "from terrain_forge.dtm.spec import RasterDtm\n"
-        "from terrain_forge.recipe.schema import TerrainSpec\n"
-        "for name in ('small.tif', 'huge.tif'):\n"
-        "    dtm = RasterDtm(source=name, size_m=(100.0, 60.0))\n"
-        "    terrain = TerrainSpec(spacing_m=0.5)\n"
-        "    tf.plan(tf.Recipe(name='a', body='mars', exports=(), dtm=dtm, terrain=terrain))\n"
-        "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    before, after = (int(line) for line in done.stdout.split())
-    assert after - before < 250_000  # KiB
-
-
-def test_large_inputs_are_told_by_a_part_of_them(tmp_path, monkeypatch):
-    heights = 5.0 + rough((1024, 1024)).astype("float32")
-    sparse(tmp_path / "dtm.tif", size=4096, written=heights, offset=1536)
-    recipe = Recipe(
-        name="part", body="mars", dtm=SPEC, terrain=TerrainSpec(spacing_m=1.0), exports=()
-    )
-    small = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
-    assert small == hashlib.sha256((tmp_path / "dtm.tif").read_bytes()).hexdigest()
-    monkeypatch.setattr(inputs, "WHOLE_BYTES", 2**20)
-    first = dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"]
-    assert first.startswith("pieces:")
-    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] == first
-    with rasterio.open(tmp_path / "dtm.tif", "r+") as file:
-        middle = RasterWindow(2048, 2048, 1, 1)
-        file.write(file.read(1, window=middle) + 1.0, 1, window=middle)
-    assert dict(planned(recipe, folder=tmp_path).inputs)["dtm.tif"] != first
-
-
-def test_pieces_of_a_large_file_reach_from_end_to_end(tmp_path):
-    path = tmp_path / "large.bin"
-    with path.open("wb") as file:
-        file.truncate(inputs.WHOLE_BYTES + 12_345)  # takes no space
-    empty = inputs.fingerprint(path)
-    for place in (0, path.stat().st_size - 1):
-        with path.open("r+b") as file:
-            file.seek(place)
-            file.write(b"x")
-        changed = inputs.fingerprint(path)
-        assert changed != empty
-        empty = changed
-    assert inputs.fingerprint(path, used=b"1") != inputs.fingerprint(path)
-
-
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -398,89 +245,6 @@ def test_context_moves_off_the_edge(tmp_path):
     write_raster(tmp_path, rough((400, 400)).astype("float32"))
     site, _ = plan(tmp_path, replace(SPEC, centre=Centre(offset_m=(-140.0, 160.0))))
     assert site.dtm.heights.shape == (256, 256)
-
-
-PROJECTIONS = {
-    "degrees": (MOON_LL, 1.0 / 30323.0, (30.0, 20.0)),
-    "polar": ("+proj=stere +lat_0=-90 +lat_ts=-90 +lon_0=0 +R=1737400", 1.0, (40.0, -85.0)),
-    "sinusoidal": ("+proj=sinu +lon_0=0 +R=1737400", 1.0, (30.0, 40.0)),
-    "equirectangular": ("+proj=eqc +lat_ts=0 +lon_0=0 +R=1737400", 1.0, (12.0, -35.0)),
-    "orthographic": ("+proj=ortho +lat_0=10 +lon_0=20 +R=1737400", 1.0, (24.0, 14.0)),
-}
-
-
-@pytest.mark.parametrize(
-    ("name", "turn"), [("degrees", 0.0), *((name, 0.5) for name in PROJECTIONS)]
-)
-def test_known_points_land_where_they_are(tmp_path, name, turn):
-    """Peaks at known longitudes and latitudes, found again in the GeoTIFF that we write."""
-    proj, step, (lon, lat) = PROJECTIONS[name]
-    crs = rasterio.crs.CRS.from_proj4(proj).to_wkt()
-    geographic = geographic_crs(crs)
-    x0, y0 = (float(v[0]) for v in transform(geographic, crs, np.array([lon]), np.array([lat])))
-    to_crs = (
-        Affine.translation(x0, y0)
-        @ Affine.rotation(np.degrees(turn))
-        @ Affine.scale(step, -step)
-        @ Affine.translation(-200.0, -200.0)
-    )
-    row, column = np.mgrid[0:400, 0:400] + 0.5
-    x, y = (
-        to_crs.a * column + to_crs.b * row + to_crs.c,
-        to_crs.d * column + to_crs.e * row + to_crs.f,
-    )
-    local = local_crs(crs, lon, lat)
-    east, north = transform(crs, local, x, y)
-    peaks = [(0.0, 0.0), (40.0, 25.0), (-45.0, 30.0), (35.0, -40.0)]
-    heights = sum(4.0 * np.exp(-((east - e) ** 2 + (north - n) ** 2) / 18.0) for e, n in peaks)
-    write_raster(tmp_path, heights.astype("float32"), crs=crs, transform=to_crs)
-    spec = RasterDtm(source="dtm.tif", size_m=(140.0, 120.0), centre=Centre(lonlat_deg=(lon, lat)))
-    site, ground = plan(tmp_path, spec, body=MOON, spacing=0.5)
-    write_geotiff(tmp_path / "out.tif", ground.elevation, world_ground=ground, site=site)
-    with rasterio.open(tmp_path / "out.tif") as file:
-        written, away = file.read(1), file.crs.to_wkt()
-        for e, n in peaks:
-            at_lon, at_lat = transform(local, geographic, np.array([e]), np.array([n]))
-            px, py = transform(geographic, away, at_lon, at_lat)
-            r, c = file.index(float(px[0]), float(py[0]))
-            piece = written[r - 6 : r + 7, c - 6 : c + 7]
-            top = np.unravel_index(np.argmax(piece), piece.shape)
-            weight = np.maximum(piece - piece.max() + 1.0, 0.0)
-            middle = (weight * np.arange(-6, 7)[:, None]).sum(), (weight * np.arange(-6, 7)).sum()
-            assert np.hypot(*middle) * 0.5 / weight.sum() < 0.5 * ground_posting(tmp_path, spec)
-            assert abs(top[0] - 6) <= 1
-            assert abs(top[1] - 6) <= 1
-    assert np.all(np.abs(ground.elevation.max() - 4.0 + site.datum_height) < 0.25)
-
-
-def ground_posting(folder, spec):
-    """Smaller distance of samples on the ground [m]."""
-    raster = open_raster(spec, body=MOON, folder=folder)
-    with raster.dataset:
-        return min(ground_steps(raster))
-
-
-def test_scale_error_is_that_of_the_projection():
-    """Lengths in the local CRS at the edge of 40 km, against the sphere's arc."""
-    crs = local_crs(rasterio.crs.CRS.from_proj4(MOON_LL).to_wkt(), 30.0, 20.0)
-    error = scale_error(crs, (40_000.0, 10_000.0))
-    lon, lat = transform(crs, geographic_crs(crs), np.full(2, 20_000.0), np.array([-50.0, 50.0]))
-    lon, lat = np.radians(lon), np.radians(lat)
-    arc = 2.0 * np.arcsin(
-        np.sqrt(
-            np.sin(0.5 * np.ptp(lat)) ** 2
-            + np.cos(lat[0]) * np.cos(lat[1]) * np.sin(0.5 * np.ptp(lon)) ** 2
-        )
-    )
-    assert 100.0 / (arc * 1737400.0) - 1.0 == pytest.approx(error, rel=0.02)
-
-
-def test_facts_of_a_site(tmp_path):
-    write_raster(tmp_path, rough().astype("float32"))
-    site, _ = plan(tmp_path)
-    text = " ".join(site_facts(site))
-    assert "in a million" in text
-    assert "256 × 256 samples" in text
 
 
 LABEL = DATA / "labels"
@@ -509,28 +273,6 @@ def test_attached_pds3_label_of_a_hirise_dtm(tmp_path):
     assert -4.75 < lat < -4.35
     assert site.dtm.posting == pytest.approx(1.0118, abs=0.01)
     assert ground.shape == (61, 101)
-
-
-def test_radii_are_taken_above_the_ellipsoid_at_each_post(tmp_path):
-    """At 73° N the ellipsoid of Mars falls by 3.3 m on each km north; level ground stays level."""
-    crs = "+proj=longlat +a=3396190 +b=3376200"
-    step = 10.0 / (3386e3 * np.pi / 180.0)
-    rows, columns = 200, 300
-    middle = 73.0
-    lat = middle + step * (0.5 * rows - 0.5 - np.arange(rows))
-    geographic = rasterio.crs.CRS.from_proj4(crs).to_wkt()
-    radii = np.array([datum_radius(geographic, value) for value in lat])
-    assert (radii[0] - radii[-1]) / (10e-3 * (rows - 1)) == pytest.approx(-3.3, abs=0.1)
-    values = np.repeat(radii[:, None] - 4000.0, columns, axis=1)
-    wide = step / np.cos(np.radians(middle))
-    write_raster(
-        tmp_path, values, crs=crs,
-        transform=Affine(wide, 0.0, 20.0, 0.0, -step, middle + step * 0.5 * rows),
-    )  # fmt: skip
-    site, ground = plan(tmp_path, replace(SPEC, size_m=(400.0, 1000.0)), spacing=10.0)
-    assert site.datum_height == pytest.approx(-4000.0, abs=1e-3)
-    assert np.abs(ground.elevation).max() < 2e-3
-    assert "above the ellipsoid elsewhere" in words(tmp_path)
 
 
 @pytest.mark.parametrize(("body", "crs", "height"), [(MARS, EQC, -9500.0), (MOON, MOON_EQC, 12e3)])

@@ -56,11 +56,13 @@ def recipe(*populations, body="mars", **rocks):
     )
 
 
-def complaint(wanted, folder):
+def complaint(wanted, folder, *words):
+    """Key and text of what is said of a recipe, in which the words stand."""
     with pytest.raises(TerrainForgeError) as caught:
         plan(wanted, folder=folder)
-    assert "\n" not in str(caught.value)
-    return caught.value.key, str(caught.value)
+    text = str(caught.value)
+    assert [word for word in ("\n", *words) if word in text] == [*words]
+    return caught.value.key, text
 
 
 def test_counts_of_a_file_become_part_of_the_recipe(tmp_path):
@@ -221,10 +223,10 @@ def test_lists_that_cannot_be(tmp_path, text, words):
     if text is not None:
         data = text if isinstance(text, bytes) else text.encode()
         (tmp_path / "mine.csv").write_bytes(data)
-    key, found = complaint(recipe(lists=(RockListSpec(name="a", file="mine.csv"),)), tmp_path)
+    key, _ = complaint(
+        recipe(lists=(RockListSpec(name="a", file="mine.csv"),)), tmp_path, "mine.csv", *words
+    )
     assert key == ("rocks", "lists", 0, "file")
-    for word in ("mine.csv", *words):
-        assert word in found
 
 
 @pytest.mark.parametrize(
@@ -244,10 +246,8 @@ def test_lists_that_cannot_be(tmp_path, text, words):
 def test_law_files_that_cannot_be(tmp_path, law, text, words):
     if text is not None:
         (tmp_path / "a.csv").write_text(text)
-    key, found = complaint(recipe(population(size_frequency=law)), tmp_path)
+    key, _ = complaint(recipe(population(size_frequency=law)), tmp_path, *words)
     assert key[:3] == ("rocks", "populations", 0)
-    for word in words:
-        assert word in found
 
 
 def test_files_that_are_too_long(tmp_path):
@@ -269,10 +269,8 @@ def test_density_images_that_cannot_be(tmp_path, pixels, words):
     if pixels is not None:
         Picture.fromarray(pixels).save(tmp_path / "density.tif")
     wanted = recipe(population(density_image="density.tif"))
-    key, found = complaint(wanted, tmp_path)
+    key, _ = complaint(wanted, tmp_path, "density.tif", *words)
     assert key == ("rocks", "populations", 0, "density_image")
-    for word in ("density.tif", *words):
-        assert word in found
 
 
 FAR = AroundCraters(craters=(Crater(centre_m=(400, 0), diameter_m=50),))
@@ -299,10 +297,8 @@ TIGHT = Clustered(clusters_per_m2=0.001, radius_m=0.5)
     ],
 )
 def test_populations_that_cannot_be(changes, key, words):
-    found_key, text = complaint(recipe(population(**changes)), ".")
+    found_key, _ = complaint(recipe(population(**changes)), ".", *words)
     assert found_key == ("rocks", "populations", 0, *key)
-    for word in words:
-        assert word in text
 
 
 def test_cover_that_cannot_be_packed():
@@ -361,10 +357,10 @@ def test_packing_knows_the_shapes_at_hand():
 def test_the_automatic_largest_rock_must_fit_the_site_too():
     law = PowerLaw(number_per_m2=0.0316, exponent=0.5)
     wanted = recipe(population(size_frequency=law, diameter_m=(0.1, None)))
-    key, text = complaint(replace(wanted, dtm=FlatDtm(size_m=(10.0, 10.0))), ".")
+    key, _ = complaint(
+        replace(wanted, dtm=FlatDtm(size_m=(10.0, 10.0))), ".", "9.99 m", "5 m", "give the largest"
+    )
     assert key == ("rocks", "populations", 0, "diameter_m")
-    for word in ("9.99 m", "5 m", "give the largest"):
-        assert word in text
 
 
 @pytest.mark.parametrize(
@@ -434,10 +430,8 @@ def test_names_are_unique_across_populations_and_lists():
     ],
 )
 def test_circles_that_cannot_be(circles, key, words):
-    found_key, text = complaint(recipe(population(), exclusion_zones=circles), ".")
+    found_key, _ = complaint(recipe(population(), exclusion_zones=circles), ".", *words)
     assert found_key == key
-    for word in words:
-        assert word in text
 
 
 def test_circles_become_clearings():

@@ -71,6 +71,11 @@ def listed(rows, columns=("x_m", "y_m", "diameter_m", "age_ga"), **changes):
 
 
 MOON_AGES = MOON.craters.chronology
+AS_JSON = (
+    '{"name":"m","body":"moon","dtm":{"kind":"flat","size_m":[100,80]},"terrain":{"spacing_m":'
+    '0.5,"layers":[{"kind":"craters","production":{%s}}]}}'
+)
+"""A recipe with a production function to be filled in."""
 
 
 def fresh_profile(x, *, depth, rim, ejecta):
@@ -176,8 +181,9 @@ def test_depth_and_wear_have_no_steps(body):
             assert np.abs(np.diff(np.log(wear.diffusivity(diameters)))).max() < 0.006
 
 
-# Shares of depth over diameter: below 0.07, 0.10 and 0.15, and above (SLS-SPEC-159, table
-# 3.4.1.2-2, after Basilevsky 1976: 0.50, 0.30, 0.17, 0.03 of lunar craters below a kilometre).
+LUNAR_SHARES = 0.50, 0.30, 0.17, 0.03
+"""Of lunar craters below a kilometre, by depth over diameter: below 0.07, 0.10 and 0.15, and above
+(SLS-SPEC-159, table 3.4.1.2-2, after Basilevsky 1976)."""
 
 
 def shares(place, spec, low, high):
@@ -200,8 +206,7 @@ def test_shares_of_depths_at_equilibrium(low, high, age):
     spec = layer(
         production=BodyProduction(kind="neukum", age_ga=age), diameter_m=(float(low), float(high))
     )
-    found = shares(place, spec, low, high)
-    assert np.abs(found - [0.50, 0.30, 0.17, 0.03]).max() < 0.1
+    assert np.abs(shares(place, spec, low, high) - LUNAR_SHARES).max() < 0.1
 
 
 @pytest.mark.parametrize("kind", ["ivanov", "hartmann_daubar"])
@@ -214,7 +219,7 @@ def test_old_craters_of_mars_are_shallow(kind, low, high):
     )
     found = shares(place, spec, low, high)
     assert found[3] < 0.12
-    assert np.abs(found - [0.50, 0.30, 0.17, 0.03]).max() < 0.15
+    assert np.abs(found - LUNAR_SHARES).max() < 0.15
 
 
 def test_craters_of_a_young_surface_are_deep():
@@ -606,12 +611,8 @@ def test_windows_of_histories_and_counts_equal_the_cut(production):
     ],
 )
 def test_histories_and_counts_that_cannot_be(production, match):
-    text = (
-        '{"name":"m","body":"moon","dtm":{"kind":"flat","size_m":[100,80]},"terrain":{"spacing_m":'
-        '0.5,"layers":[{"kind":"craters","production":{%s}}]}}'
-    )
     with pytest.raises(RecipeError, match=match) as caught:
-        recipe_from_json(text % production)
+        recipe_from_json(AS_JSON % production)
     assert "\n" not in str(caught.value)
 
 
@@ -652,16 +653,14 @@ def near(x, y, radius):
     return np.hypot(east[None, :] - x, north[:, None] - y) <= radius
 
 
-def test_craters_apart_do_not_touch():
-    both = heights((-50, 0, 20, 0.0), (50, 10, 30, 1.0))
-    alone = heights((-50, 0, 20, 0.0)) + heights((50, 10, 30, 1.0))
-    np.testing.assert_allclose(both, alone, atol=1e-6)
-
-
-def test_a_small_young_crater_lies_on_the_floor_of_a_large_old_one():
-    both = heights((0, 0, 80, 2.0), (5, 3, 6, 0.1))
-    alone = heights((0, 0, 80, 2.0)) + heights((5, 3, 6, 0.1))
-    np.testing.assert_allclose(both, alone, atol=1e-6)
+@pytest.mark.parametrize(
+    "craters",
+    [((-50, 0, 20, 0.0), (50, 10, 30, 1.0)), ((0, 0, 80, 2.0), (5, 3, 6, 0.1))],
+    ids=["apart", "a small young one on the floor of a large old one"],
+)
+def test_craters_that_add_up(craters):
+    alone = sum(heights(crater) for crater in craters)
+    np.testing.assert_allclose(heights(*craters), alone, atol=1e-6)
 
 
 def test_a_large_young_crater_erases_a_small_old_one():
@@ -857,13 +856,17 @@ def test_nothing_is_written_where_no_craters_are_made(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_proof_of_the_numbers(tmp_path):
-    import json
-
-    world = realise(plan(recipe(layer(), name="counts")))
-    (tmp_path / "truth").mkdir()
-    _, counts = write_craters(world, tmp_path / "truth")
+def counted(spec, folder):
+    """A world with a layer, the file of its counts, and what that says of the layer."""
+    world = realise(plan(recipe(spec, name="counts")))
+    (folder / "truth").mkdir()
+    _, counts = write_craters(world, folder / "truth")
     (report,) = json.loads(counts.read_text())["layers"]
+    return world, counts, report
+
+
+def test_proof_of_the_numbers(tmp_path):
+    world, counts, report = counted(layer(), tmp_path)
     assert abs(report["number"]["z"]) < norm.isf(0.5 * ALPHA)
     assert report["sizes"]["p_value"] > ALPHA
     built = SimpleNamespace(directory=tmp_path)
@@ -882,13 +885,8 @@ def test_proof_of_the_numbers(tmp_path):
 
 def test_numbers_count_from_the_smallest(tmp_path):
     """Also where that lies within an octave."""
-    import json
-
     spec = layer(diameter_m=(2.7, 21.0))
-    world = realise(plan(recipe(spec, name="counts")))
-    (tmp_path / "truth").mkdir()
-    _, counts = write_craters(world, tmp_path / "truth")
-    (report,) = json.loads(counts.read_text())["layers"]
+    world, _, report = counted(spec, tmp_path)
     wanted = 100.0 * 80.0 * population_of(spec, site=world.site).density(2.7, 21.0)
     assert report["number"]["expected"] == pytest.approx(wanted)
     assert report["cumulative"]["diameter_m"] == [2.7, 4.0, 8.0, 16.0]
@@ -906,14 +904,10 @@ def refused(text_or_spec, match, *, error=RecipeError, **changes):
 
 
 def test_ages_out_of_range():
-    text = (
-        '{"name":"m","body":"moon","dtm":{"kind":"flat","size_m":[100,80]},"terrain":{"spacing_m":'
-        '0.5,"layers":[{"kind":"craters","production":{"kind":"neukum","age_ga":%s}}]}}'
-    )
     for age in ("4.6", "0", "-1"):
         with pytest.raises(RecipeError, match=r"age_ga: Input should be .*, found"):
-            recipe_from_json(text % age)
-    recipe_from_json(text % "4.3")
+            recipe_from_json(AS_JSON % f'"kind":"neukum","age_ga":{age}')
+    recipe_from_json(AS_JSON % '"kind":"neukum","age_ga":4.3')
 
 
 def test_craters_that_a_site_cannot_have():

@@ -14,7 +14,7 @@ from PIL import Image as Picture
 from terrain_forge.base import DataError, RecipeError, registry
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
-from terrain_forge.model import Image, Window
+from terrain_forge.model import Image
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
 from terrain_forge.terrain.layer import LAYERS
@@ -149,31 +149,6 @@ def test_conditions_multiply():
     both = raised(Mask(height=height, route=near), site=site)
     product = raised(Mask(height=height), site=site) * raised(Mask(route=near), site=site)
     assert np.allclose(both, product, atol=1e-5)
-
-
-def test_masked_ground_of_a_window_is_the_cut():
-    values = np.random.default_rng(1).random((17, 25))
-    site = worlds.site().replace(
-        images=(Image(path="m.png", values=values),),
-        routes=(worlds.route([[-9, -5], [3, 4], [9, -2]]),),
-    )
-    masks = [
-        Mask(slope=SlopeBand(below_deg=8.0, fade_deg=6.0, baseline_m=3.0)),
-        Mask(slope=SlopeBand(above_deg=4.0, fade_deg=3), height=HeightBand(above_m=0, fade_m=1)),
-        Mask(image="m.png", route=RouteBand(beyond_m=2.0, fade_m=2.0)),
-    ]
-    layers = (
-        Fractal(),
-        *(Fractal(hurst=0.8, longest_wavelength_m=4.0, gain=2.0, mask=mask) for mask in masks),
-    )
-    whole = shape_ground(site=site, window=site.window, layers=layers).elevation
-    plain = shape_ground(site=site, window=site.window, layers=layers[:1]).elevation
-    assert np.abs(whole - plain).max() > 0.05
-    windows = [(31, 17, 40, 29), (0, 0, 12, 9), (80, 50, 16, 14), (5, 63, 60, 1)]
-    for column, row, columns, rows in windows:
-        window = Window(column=column, row=row, columns=columns, rows=rows)
-        part = shape_ground(site=site, window=window, layers=layers).elevation
-        assert np.array_equal(part, whole[row : row + rows + 1, column : column + columns + 1])
 
 
 def test_weights_stay_between_0_and_1():

@@ -93,17 +93,6 @@ def test_structure_table_of_the_noise():
         assert fractal.structure_function(np.array(lag / 16)) == pytest.approx(measured, rel=0.08)
 
 
-def test_fractal_of_a_window_is_the_cut():
-    site = worlds.site()
-    layers = (Fractal(), Fractal(hurst=0.9, longest_wavelength_m=3.0))
-    whole = shape_ground(site=site, window=site.window, layers=layers)
-    window = Window(column=31, row=17, columns=40, rows=29)
-    part = shape_ground(site=site, window=window, layers=layers)
-    assert np.array_equal(part.elevation, whole.elevation[17:47, 31:72])
-    other = shape_ground(site=site.replace(seed=2), window=window, layers=layers)
-    assert not np.array_equal(part.elevation, other.elevation)
-
-
 def test_displacement_map_covers_the_site_north_up():
     site = worlds.site()
     rows, columns = site.window.rows + 1, site.window.columns + 1
