@@ -19,7 +19,7 @@ from terrain_forge.geometry import (
     surface,
     vertex_dust,
 )
-from terrain_forge.model import Mesh, RockField, Tile, World, rotations
+from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World, rotations
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     ROCK,
@@ -96,7 +96,8 @@ def rock_meshes(
         primitive = {**shape(prototype, level), "material": look(population, tint)}
         colours = dust(prototype, level, population, lies)
         primitive["attributes"] = {**primitive["attributes"], "COLOR_0": colours}
-        name = f"rock_shape_{prototype:03}_{level}_{world.field.populations[population]}_{tint}"
+        detail = "close" if level == CLOSE else level
+        name = f"rock_shape_{prototype:03}_{detail}_{world.field.populations[population]}_{tint}"
         meshes.append(gltf.add("meshes", {"name": name, "primitives": [primitive]}))
     return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
 

@@ -21,8 +21,8 @@ from terrain_forge.geometry import (
     texture_loss,
     with_horizon_loss,
 )
-from terrain_forge.model import ExportReport, Horizon, Trajectory, World
-from terrain_forge.rocks import path_pebbles
+from terrain_forge.model import CLOSE, ExportReport, Horizon, Trajectory, World
+from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import LARGEST_FILE, Gltf, encode_png
 
 from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, ground_tile, matt
@@ -57,6 +57,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
+        levels[np.isin(single.id, seen_close(world, within=options.close_within_m))] = CLOSE
         rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
         beyond = _beyond(world.horizon, gltf) if options.horizon and world.horizon else []
         lights, shining = add_lights(world, gltf, options)

@@ -24,12 +24,14 @@ from terrain_forge.geometry import (
     grid_faces,
     grid_vertices,
     grouped,
+    mean_rock_colour,
     mean_rock_srgb,
     merge_in_parts,
     node_bands,
     rock_factors,
     rock_maps,
     rock_texture,
+    vertex_dust,
     write_ground_obj,
 )
 from terrain_forge.model import Tile, World, rotations
@@ -241,8 +243,7 @@ def write_ply_part(part: Part, path: Path) -> None:
         for span, band in cell_bands(ground):
             _write_faces(faces, grid_faces(*band.shape) + np.int32(span.start * columns))
         for population, vertices, corners in part.merged_rocks():
-            mean = np.rint(255 * np.array(mean_rock_srgb(part.tile.whole, population)))
-            _write_vertices(file, vertices, mean)
+            _write_vertices(file, vertices, _dusted(part.tile.whole, population, vertices, corners))
             _write_faces(faces, corners + np.int32(vertex_count))
             vertex_count += len(vertices)
             face_count += len(corners)
@@ -250,6 +251,13 @@ def write_ply_part(part: Part, path: Path) -> None:
         shutil.copyfileobj(faces, file, 1 << 20)
         file.seek(0)
         file.write(_header(vertex_count, face_count))
+
+
+def _dusted(world: World, population: int, vertices: Floats, faces: Indices) -> NDArray[np.float64]:
+    """SRGB of merged rocks' vertices, 0 to 255: their mean colour under the dust on what rises."""
+    dust = vertex_dust(world, population, vertex_normals(vertices, faces)[:, 2])[:, :3] / 255.0
+    bright = mean_rock_colour(world, population, dusty=True)
+    return np.asarray(np.rint(255.0 * srgb_from_linear(bright * dust)))
 
 
 def _write_vertices(file: BinaryIO, vertices: Floats, rgb: ArrayLike) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from terrain_forge.geometry import (
     write_rock_shape,
     write_rocks_glb,
 )
-from terrain_forge.model import Mesh, RockField, Tile, World
+from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import Lines, element, numbers, rock_name, write_png, write_stl
@@ -39,18 +39,20 @@ def write_tile(
     coarse: list[Mesh],
     options: Options,
     *,
+    close: Container[int] = (),
     shapes: Model | None = None,
 ) -> Lines:
     """Write the merged meshes of one tile's small rocks; returns the link of all its static rocks.
 
-    The single ones' shapes lie in the model, or in that of `shapes`. Among the merged rocks a mesh
-    of `coarse` stands for each prototype.
+    The single ones' shapes lie in the model, or in that of `shapes`; those whose ids are in `close`
+    are drawn by their close meshes. Among the merged rocks a mesh of `coarse` stands for each
+    prototype.
     """
     whole = tile.whole
     single = is_single(tile.field, options.individual_min_m)
     parts: list[Lines] = [
         _single_rocks(
-            whole, tile.field.select(single & ~tile.field.dynamic), shapes or model, friction
+            whole, tile.field.select(single & ~tile.field.dynamic), shapes or model, friction, close
         )
     ]
     small = tile.field.select(~single)
@@ -78,11 +80,20 @@ def is_single(field: RockField, least: float) -> NDArray[np.bool_]:
     return large | field.dynamic
 
 
-def write_model(world: World, model: Model, *, links: list[Lines], options: Options) -> None:
-    """Write the model of the tiles' links, and the meshes and textures that single rocks share."""
+def write_model(
+    world: World, model: Model, *, links: list[Lines], close: frozenset[int], options: Options
+) -> None:
+    """Write the model of the tiles' links, and the meshes and textures that single rocks share.
+
+    Those of the rocks of `close` have their close meshes too.
+    """
     single = world.field.select(is_single(world.field, options.individual_min_m))
     kinds = np.unique(single.prototype).tolist(), np.unique(single.population).tolist()
     write_shapes(world, model, *kinds)
+    fine = np.isin(single.id, list(close))
+    for prototype in np.unique(single.prototype[fine]).tolist():
+        path = model.path(_shape_file(prototype, close=True))
+        write_rock_shape(path, world.library.prototypes[prototype], CLOSE)
     model.write_scripts(list(map(_texture_file, kinds[1])), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
 
@@ -112,7 +123,9 @@ def write_shapes(
             write_png(model.path(f"{TEXTURES}/{file}"), image)
 
 
-def _single_rocks(world: World, rocks: RockField, model: Model, friction: float) -> Lines:
+def _single_rocks(
+    world: World, rocks: RockField, model: Model, friction: float, close: Container[int]
+) -> Lines:
     """A visual and the convex collisions of each rock, a line each, named by the rock's id."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
     touch = "".join(surface(friction))
@@ -121,11 +134,11 @@ def _single_rocks(world: World, rocks: RockField, model: Model, friction: float)
     for row, pose in enumerate(poses):
         name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
         felt = touch if rocks.collides[row] else ""
-        lines += _parts(world, rocks, row, model, looks, felt, name=name, place=place)
+        lines += _parts(world, rocks, row, model, looks, felt, close, name=name, place=place)
     return lines
 
 
-def dynamic_rocks(world: World, model: Model) -> list[Lines]:
+def dynamic_rocks(world: World, model: Model, *, close: Container[int]) -> list[Lines]:
     """A model `rock_<id>` for each dynamic rock, which gravity holds and a rover can push.
 
     They share meshes and textures with the static rocks, whose model this is.
@@ -139,7 +152,7 @@ def dynamic_rocks(world: World, model: Model) -> list[Lines]:
         # SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
         radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
         touch = "".join(surface(contact.sliding, patch_radius=radius))
-        parts = _parts(world, field, row, model, looks, touch)
+        parts = _parts(world, field, row, model, looks, touch, close)
         mass = "".join(inertial(float(field.mass[row]), tensors[row]))
         link = element("link", [mass], parts, name="rock")
         pose = element("pose", poses[row])
@@ -154,6 +167,7 @@ def _parts(
     model: Model,
     looks: list[list[str]],
     touch: str,
+    close: Container[int],
     *,
     name: str = "",
     place: str = "",
@@ -166,7 +180,8 @@ def _parts(
         mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
         return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
 
-    look = f"{geometry(_shape_file(prototype))}{looks[rocks.population[row]][tint]}"
+    shape = _shape_file(prototype, close=int(rocks.id[row]) in close)
+    look = f"{geometry(shape)}{looks[rocks.population[row]][tint]}"
     hulls = world.library.prototypes[prototype].hulls if touch else ()
     return [f'<visual name="{name}visual">{look}</visual>'] + [
         f'<collision name="{name}collision_{part}">{geometry(_hull_file(prototype, part))}{touch}'
@@ -188,9 +203,9 @@ def _looks(world: World, model: Model) -> list[list[str]]:
     ]
 
 
-def _shape_file(prototype: int) -> str:
-    """File of a prototype's textured shape."""
-    return f"meshes/shape_{prototype:03}.obj"
+def _shape_file(prototype: int, *, close: bool = False) -> str:
+    """File of a prototype's textured shape, or of its close mesh."""
+    return f"meshes/shape_{prototype:03}{'_close' if close else ''}.obj"
 
 
 def _hull_file(prototype: int, part: int) -> str:

@@ -29,6 +29,7 @@ from terrain_forge.model import (
     material_frictions,
     world_friction,
 )
+from terrain_forge.rocks import seen_close
 from terrain_forge.writers import Lines, element, file_name, rock_name, write_png
 
 from .actor import replay_actor
@@ -71,13 +72,16 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         parts = [write_heightmap(heightmap, world.ground, ground_model, friction=friction.ground)]
     tiles = list(world.tiles(cells=options.tile_cells))
     links = []
+    close = frozenset(seen_close(world, within=options.close_within_m).tolist())
     for tile in tiles:
         parts += _write_ground(tile, ground_model, options)
-        links.append(rocks.write_tile(tile, rock_model, friction.rock, coarse, options))
+        links.append(
+            rocks.write_tile(tile, rock_model, friction.rock, coarse, options, close=close)
+        )
     ground_model.write_scripts([f"{tile.name('ground')}.png" for tile in tiles], address="clamp")
     link = element("link", *parts, name="ground")
     ground_model.write(title=f"{world.site.name}: ground", links=[link])
-    rocks.write_model(world, rock_model, links=links, options=options)
+    rocks.write_model(world, rock_model, links=links, close=close, options=options)
     included = models[:2]
     if options.horizon and world.horizon:
         beyond = Model(
@@ -86,7 +90,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         _write_horizon(world.horizon, beyond, title=f"{world.site.name}: horizon", options=options)
         included.append(beyond)
     actors = _actors(world, options, models=models)
-    dynamic = rocks.dynamic_rocks(world, rock_model)
+    dynamic = rocks.dynamic_rocks(world, rock_model, close=close)
     sensing = bool(options.sensors and actors and world.rover.sensors)
     for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
         path = directory / f"{file}.sdf"

@@ -7,6 +7,7 @@ small ones one static mesh; neither is seen in pictures.
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from terrain_forge.geometry import (
     rock_factors,
     rock_maps,
 )
-from terrain_forge.model import Mesh, RockField, RockLibrary, Tile, World, world_friction
+from terrain_forge.model import CLOSE, Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import rock_name, vertex_normals, write_png
@@ -59,11 +60,15 @@ def write_rock_maps(world: World, assets: Path) -> None:
         write_png(assets / file, image)
 
 
-def write_library(library: RockLibrary, assets: Path) -> None:
-    """Write all levels of detail and convex parts of every shape, in the prototypes' frames."""
+def write_library(library: RockLibrary, assets: Path, *, close: Container[int]) -> None:
+    """Write all levels of detail and convex parts of every shape, in the prototypes' frames.
+
+    The shapes of `close` have their close meshes too.
+    """
     stage = new_stage(assets / f"{_LIBRARY}.usdc", _LIBRARY)
     for number, shape in enumerate(library.prototypes):
-        for level, mesh in enumerate(shape.meshes):
+        for level in [*range(len(shape.meshes)), *([CLOSE] if number in close else ())]:
+            mesh, uvs = shape.drawn(level)
             path = _visual_path(number, level)
             UsdGeom.Xform.Define(stage, path)
             visual = define_mesh(stage, f"{path}/shape", mesh.vertices, mesh.faces)
@@ -71,7 +76,7 @@ def write_library(library: RockLibrary, assets: Path) -> None:
             visual.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
             visual.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
             # Per corner of a face, since the texture has seams.
-            define_st(visual, shape.uvs[level].reshape(-1, 2), UsdGeom.Tokens.faceVarying)
+            define_st(visual, uvs.reshape(-1, 2), UsdGeom.Tokens.faceVarying)
         UsdGeom.Xform.Define(stage, _hull_path(number))
         for part, hull in enumerate(shape.hulls):
             path = f"{_hull_path(number)}/part_{part}"
@@ -81,8 +86,8 @@ def write_library(library: RockLibrary, assets: Path) -> None:
 
 
 def _visual_path(prototype: int, level: int) -> str:
-    """The library's prim of a shape's level of detail (0: finest)."""
-    return f"/{_LIBRARY}/shape_{prototype:03}_{level}"
+    """The library's prim of a shape's level of detail (0: the shape itself) or close mesh."""
+    return f"/{_LIBRARY}/shape_{prototype:03}_{'close' if level == CLOSE else level}"
 
 
 def _hull_path(prototype: int) -> str:
@@ -104,6 +109,7 @@ def write_rocks(
     *,
     coarse: list[Mesh],
     levels: NDArray[np.int64],
+    close: NDArray[np.int32],
     options: Options,
     name: str = "",
     shared: str = ".",
@@ -112,8 +118,9 @@ def write_rocks(
 
     The library and pictures lie in the folder `shared`, as seen from that of the tile.
 
-    Small rocks are drawn by the level of detail of `levels` for their prototype; among the merged
-    colliders a mesh of `coarse` stands for each.
+    Small rocks are drawn by the level of detail of `levels` for their prototype, rocks whose ids
+    are in `close` by their close meshes; among the merged colliders a mesh of `coarse` stands for
+    each.
     """
     name, whole, field = name or tile.name("rocks"), tile.whole, tile.field
     stage = new_stage(assets / f"{name}.usdc", name)
@@ -127,8 +134,8 @@ def write_rocks(
     }
     fixed, dynamic = field.select(~field.dynamic), field.select(field.dynamic)
     for population, tint, rocks in grouped(fixed, rock_tints(fixed.id, whole.site.seed)):
-        # The finest level of detail where the camera may come close enough to tell.
         level = np.where(rocks.diameter >= options.collider_min_m, 0, levels[rocks.prototype])
+        level[np.isin(rocks.id, close)] = CLOSE
         path = f"/{name}/visual_{population}_{tint}"
         define_instancer(stage, path, rocks, whole, level, shared=shared)
         bind(stage.GetPrimAtPath(path), looks[population, tint])
@@ -147,7 +154,7 @@ def write_rocks(
     del stage
     # Composing each rock while it is written would take ten times as long.
     _specify_hulls(layer, f"/{name}/colliders", solid.select(large), shared)
-    _specify_dynamic(layer, f"/{name}", dynamic, whole, shared)
+    _specify_dynamic(layer, f"/{name}", dynamic, whole, close, shared)
     layer.Save()
 
 
@@ -254,7 +261,12 @@ def _define_dynamic_groups(
 
 
 def _specify_dynamic(
-    layer: Sdf.Layer, root: str, rocks: RockField, world: World, shared: str
+    layer: Sdf.Layer,
+    root: str,
+    rocks: RockField,
+    world: World,
+    close: NDArray[np.int32],
+    shared: str,
 ) -> None:
     """A body `rock_<id>` for each dynamic rock, in the groups of `_define_dynamic_groups`.
 
@@ -265,6 +277,7 @@ def _specify_dynamic(
     kinds = Sdf.ValueTypeNames
     moments, axes = principal_axes(inertias(rocks, world.library))
     tints = rock_tints(rocks.id, world.site.seed).tolist()
+    level = np.where(np.isin(rocks.id, close), CLOSE, 0).tolist()
     with Sdf.ChangeBlock():
         for row, (population, tint, prototype) in enumerate(
             zip(rocks.population.tolist(), tints, rocks.prototype.tolist(), strict=True)
@@ -279,7 +292,7 @@ def _specify_dynamic(
             diagonal = Gf.Vec3f(*moments[row].tolist())
             specify(body, "physics:diagonalInertia", kinds.Float3, diagonal)
             specify(body, "physics:principalAxes", kinds.Quatf, gf_quaternion(axes[row]))
-            visual = _specify_instance(body, "visual", _visual_path(prototype, 0), shared)
+            visual = _specify_instance(body, "visual", _visual_path(prototype, level[row]), shared)
             hulls = _specify_instance(body, "hulls", _hull_path(prototype), shared)
             for part in (visual, hulls):
                 specify_place(part, scale=float(rocks.scale[row]))

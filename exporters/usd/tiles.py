@@ -31,6 +31,7 @@ from terrain_forge.geometry import (
     tile_anchor,
 )
 from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
+from terrain_forge.rocks import seen_close
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
@@ -60,6 +61,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     shapes = tile.whole.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
+    close = seen_close(tile.world, within=options.close_within_m)
     errors: dict[str, float] = {}
     strides = {stride: name for name, stride in LEVELS.items()}
     for level in ground_levels(tile, grid, tuple(strides)):
@@ -68,7 +70,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
         errors[name] = level.error
         if level.stride == 1:
             write_rocks(
-                local, directory, coarse=coarse, levels=levels, options=options,
+                local, directory, coarse=coarse, levels=levels, close=close, options=options,
                 name="rocks_full", shared=_SHARED,
             )  # fmt: skip
             continue
@@ -153,10 +155,11 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
 
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
-    del options
     assets = directory / "assets"
     assets.mkdir(exist_ok=True)
-    write_library(world.library, assets)
+    shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())
+    close = {number for number, shape in shapes if shape.close is not None}
+    write_library(world.library, assets, close=close)
     for population in range(len(world.field.populations)):
         write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)

@@ -27,7 +27,7 @@ from terrain_forge.geometry import (
     with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
-from terrain_forge.rocks import path_pebbles
+from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import encode_hdr, write_png
 
 from .ground import DETAIL, fresh_craters, write_ground, write_horizon
@@ -44,7 +44,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write world.usda, scene.usda (with a replay of each trajectory) and their assets."""
     assets = directory / "assets"
     assets.mkdir()
-    write_library(world.library, assets)
+    close = seen_close(world, within=options.close_within_m)
+    drawn_close = world.field.prototype[np.isin(world.field.id, close)]
+    write_library(world.library, assets, close=set(drawn_close.tolist()))
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)
@@ -57,7 +59,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     craters, parts = fresh_craters(world), {"Ground": list[str](), "Rocks": list[str]()}
     for tile in world.tiles(cells=options.tile_cells):
         write_ground(tile, assets, craters=craters, options=options)
-        write_rocks(tile, assets, coarse=coarse, levels=levels, options=options)
+        write_rocks(tile, assets, coarse=coarse, levels=levels, close=close, options=options)
         parts["Ground"].append(tile.name("ground"))
         parts["Rocks"].append(tile.name("rocks"))
     if options.horizon and world.horizon:
@@ -71,7 +73,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     _write_world(directory / "world.usda", world, parts, options)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    losses = _losses(world, coarse, levels, pebbles, options)
+    losses = _losses(world, coarse, levels, close, pebbles, options)
     report = ExportReport(files=tuple(files), losses=losses)
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
@@ -127,7 +129,12 @@ def write_sky(world: World, assets: Path) -> None:
 
 
 def _losses(
-    world: World, coarse: list[Mesh], levels: NDArray[np.int64], pebbles: int, options: Options
+    world: World,
+    coarse: list[Mesh],
+    levels: NDArray[np.int64],
+    close: NDArray[np.int32],
+    pebbles: int,
+    options: Options,
 ) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
     detail = world.appearance.detail
@@ -154,12 +161,16 @@ def _losses(
         losses += rig_losses(world.rover)
     if world.field.dynamic.any():
         losses.append("Dynamic rocks have no torsional and no rolling friction: USD knows neither.")
-    losses += _outline_losses(world, coarse, levels, options)
+    losses += _outline_losses(world, coarse, levels, close, options)
     return (*losses, *collision_losses(world.library.prototypes))
 
 
 def _outline_losses(
-    world: World, coarse: list[Mesh], levels: NDArray[np.int64], options: Options
+    world: World,
+    coarse: list[Mesh],
+    levels: NDArray[np.int64],
+    close: NDArray[np.int32],
+    options: Options,
 ) -> Iterator[str]:
     """How far small static rocks are off, as they are drawn and as they are touched."""
     field, shapes = world.field, world.library.prototypes
@@ -169,11 +180,12 @@ def _outline_losses(
             "0.001 rad."
         )
     small = ~field.dynamic & (field.diameter < options.collider_min_m)
-    drawn = np.unique(field.prototype[small]).tolist()
+    rough = small & ~np.isin(field.id, close)
+    drawn = np.unique(field.prototype[rough]).tolist()
     error = max((shapes[n].outline_errors[levels[n]] for n in drawn), default=0.0)
     if error:
         yield (
-            f"{int(small.sum())} static rocks below {options.collider_min_m:g} m are drawn by "
+            f"{int(rough.sum())} static rocks below {options.collider_min_m:g} m are drawn by "
             f"coarser meshes, their outlines off by up to {100 * error:.2g} % of their size."
         )
     small &= field.collides

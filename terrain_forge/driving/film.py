@@ -200,7 +200,7 @@ def _draw_inset(draw: ImageDraw.ImageDraw, planned: Array, driven: Array, width:
 
 def _around(world: World, places: Array, reach: float) -> Subject:
     """The ground and the rocks so far around places, and what lies beyond, without rocks."""
-    subject = subject_of(world)
+    subject = subject_of(world, close=True)
     ground, rocks, grain = subject.ground, subject.instances, subject.node_grain
     rows, columns = ground.shape
     first, last = places.min(axis=0)[:2] - reach, places.max(axis=0)[:2] + reach

@@ -121,11 +121,11 @@ def level_of_detail(prototype: RockPrototype, tolerance: float) -> int:
 def surface(prototype: RockPrototype, level: int = 0) -> TexturedMesh:
     """A level of detail for formats that know one index per corner: cut open along seams.
 
-    Normals are those of the closed mesh, so that no seam shows in the shading.
+    Normals are those of the closed mesh, so that no seam shows in the shading. `CLOSE` is a level.
     """
-    mesh = prototype.meshes[level]
+    mesh, uvs = prototype.drawn(level)
     corners = mesh.faces.reshape(-1, 1).astype(np.float64)
-    rows = np.hstack([corners, prototype.uvs[level].reshape(-1, 2)])
+    rows = np.hstack([corners, uvs.reshape(-1, 2)])
     distinct, index = np.unique(rows, axis=0, return_inverse=True)
     vertex = distinct[:, 0].astype(np.int64)
     return TexturedMesh(
@@ -140,8 +140,8 @@ def write_rock_shape(
     path: Path, shape: RockPrototype, level: int = 0, *, material: tuple[str, str] | None = None
 ) -> None:
     """Write a level of detail of a rock's shape as OBJ, in the prototype's frame."""
-    mesh = shape.meshes[level]
-    coordinates, corners = index_corners(shape.uvs[level])
+    mesh, uvs = shape.drawn(level)
+    coordinates, corners = index_corners(uvs)
     write_obj(
         path,
         vertices=mesh.vertices,

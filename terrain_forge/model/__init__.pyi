@@ -58,6 +58,7 @@ from .inputs import Table as Table
 from .known_bodies import BODIES as BODIES
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
+from .mesh import box_projection as box_projection
 from .orbit import EARTH_ORBIT as EARTH_ORBIT
 from .orbit import EARTH_RADIUS as EARTH_RADIUS
 from .orbit import Ephemeris as Ephemeris
@@ -68,6 +69,8 @@ from .plot import html as html
 from .plot import html_picture as html_picture
 from .plot import plot_area as plot_area
 from .plot import write_plot as write_plot
+from .rocks import CLOSE as CLOSE
+from .rocks import CLOSE_MIN_M as CLOSE_MIN_M
 from .rocks import RockField as RockField
 from .rocks import RockLibrary as RockLibrary
 from .rocks import RockPrototype as RockPrototype

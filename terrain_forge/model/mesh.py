@@ -32,3 +32,20 @@ class TexturedMesh(NamedTuple):
     """u to the right, v upwards, the texture being 1 wide and high, shape [vertices, 2]."""
     faces: NDArray[np.int32]
     """Corner indices, counter-clockwise from outside, shape [faces, 3]."""
+
+
+def box_projection(mesh: Mesh) -> Array:
+    """Texture coordinates of a mesh's face corners, one tile per metre, shape [faces, 3, 2].
+
+    Each face is projected along the axis that its normal is nearest to, so that no length is
+    stretched more than √3 times; faces that look along different axes meet in a seam. Seen from
+    outside, the texture is never mirrored.
+    """
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axis = np.abs(normals).argmax(axis=1)
+    across, along = (axis + 1) % 3, (axis + 2) % 3
+    u = np.take_along_axis(corners, across[:, None, None], axis=2)[:, :, 0]
+    v = np.take_along_axis(corners, along[:, None, None], axis=2)[:, :, 0]
+    facing = np.take_along_axis(normals, axis[:, None], axis=1)
+    return np.stack([np.where(facing < 0.0, -u, u), v], axis=-1) + 0.5

@@ -21,7 +21,12 @@ from terrain_forge.base import (
     to_plain,
 )
 from terrain_forge.model.heightfield import Bounds, Heightfield
-from terrain_forge.model.mesh import Mesh
+from terrain_forge.model.mesh import Mesh, box_projection
+
+CLOSE = -1
+"""The level of detail of a shape's close mesh; its other levels count from 0."""
+CLOSE_MIN_M = 0.25
+"""Exposed diameter from which on a rock's close mesh shows from a metre [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,6 +62,9 @@ class RockPrototype(Record):
     rise: float
     """Over the same tilts and burials: the largest height of the rock above the ground's tangent
     plane, as a fraction of the exposed diameter."""
+    close: Mesh | None = None
+    """The shape once more, finer than the first mesh, for pictures from a metre alone; None where
+    the first mesh serves."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,6 +74,20 @@ class RockPrototype(Record):
             if uv.shape != (len(mesh.faces), 3, 2):
                 raise ValueError(f"RockPrototype.uvs: shape {uv.shape}, expected a pair per corner")
             uv.setflags(write=False)
+
+    def drawn(self, level: int) -> tuple[Mesh, Array]:
+        """A level of detail, or with `CLOSE` the close mesh, and its texture coordinates.
+
+        The latter are those of its faces' corners, shape [faces, 3, 2].
+
+        Raises:
+            ValueError: for the close mesh of a shape without one.
+        """
+        if level != CLOSE:
+            return self.meshes[level], self.uvs[level]
+        if self.close is None:
+            raise ValueError(f"RockPrototype: a shape of family {self.family} has no close mesh")
+        return self.close, box_projection(self.close)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

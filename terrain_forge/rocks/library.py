@@ -38,14 +38,14 @@ from terrain_forge.base import (
     to_plain,
     worker_threads,
 )
-from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype
+from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype, box_projection
 from terrain_forge.rocks.embedding.footprint import bounds
-from terrain_forge.rocks.shapes.carving import Sphere, carve, levels_of_detail
+from terrain_forge.rocks.shapes.carving import Sphere, carve, carve_close, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
 from terrain_forge.rocks.shapes.families import FAMILIES, Family
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
-from terrain_forge.rocks.shapes.texture import box_projection, rock_surface
+from terrain_forge.rocks.shapes.texture import rock_surface
 
 logger = getLogger(__name__)
 
@@ -152,20 +152,21 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
     """
     key = stage_key(spec.seed, "rock-library")
-    sphere = Sphere() if spec.shapes else None
+    spheres = (Sphere(), Sphere(close=True)) if spec.shapes else None
 
     def made(n: int) -> RockPrototype:
-        assert sphere is not None
+        assert spheres is not None
         family = spec.families[n % len(spec.families)]
         blank = FAMILIES[family](Generator(Philox(key=int(mix(key, n)))))
-        meshes = lay_down(carve(blank, sphere), blank.axes)
-        return _prototype(family, meshes, spec, name=f"shape {n} ({family})")
+        meshes = *carve(blank, spheres[0]), carve_close(blank, spheres[1])
+        return _prototype(family, lay_down(meshes, blank.axes), spec, name=f"shape {n} ({family})")
 
     files = {mesh.path: mesh.mesh for mesh in custom}
     with worker_threads(get_num_threads(), leave=True) as pool:
         prototypes = [*pool.map(made, range(spec.shapes))]
     for own in spec.meshes:
-        laid = lay_down(levels_of_detail(files[own.file]), upright=own.keep_up)
+        close, *levels = levels_of_detail(files[own.file])
+        laid = lay_down((*levels, close), upright=own.keep_up)
         prototypes.append(_prototype(own.family_name, laid, spec, name=own.file))
     tile = rock_surface()
     return RockLibrary(
@@ -178,9 +179,11 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
 
 
 def _prototype(
-    family: str, meshes: tuple[Mesh, ...], spec: LibrarySpec, *, name: str
+    family: str, laid: tuple[Mesh, ...], spec: LibrarySpec, *, name: str
 ) -> RockPrototype:
-    shape = meshes[0]
+    """A shape of its levels of detail, finest first, and last its close mesh."""
+    *levels, close = laid
+    meshes, shape = tuple(levels), laid[0]
     solid = mass_properties(shape)
     collision = collision_parts(
         meshes,
@@ -198,6 +201,7 @@ def _prototype(
     return RockPrototype(
         family=family,
         meshes=meshes,
+        close=close if len(close.vertices) > len(shape.vertices) else None,
         hulls=collision.parts,
         volume=solid.volume,
         inertia=solid.inertia,

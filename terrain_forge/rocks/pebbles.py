@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, mix, stage_key
 from terrain_forge.model import RockField, World, merge
+from terrain_forge.rocks.near_paths import path_distance, path_points
 
 MOST_PEBBLES = 2_000_000
 """Pebbles that one world may have."""
@@ -22,7 +23,6 @@ FIRST_ID = 2**30
 """Id of the first; rocks have lower ones."""
 _CELL = 0.5  # side of the squares that are drawn by themselves [m]
 _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
-_STEP = 0.1  # along paths [m]
 
 
 def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
@@ -51,7 +51,8 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
         plan.append((np.array([column, row]) + random.random((count, 2))) * _CELL)
         hashes.append(random.integers(0, 2**64, count, np.uint64, endpoint=False))
     places, drawn = np.concatenate(plan), np.concatenate(hashes)
-    near = world.ground.covers(places[:, 0], places[:, 1]) & (_away(world, places) <= within)
+    near = path_distance(world, places) <= within
+    near &= world.ground.covers(places[:, 0], places[:, 1])
     return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
 
 
@@ -105,33 +106,14 @@ def _smallest(population: Any) -> float:
     return float(population.diameter_m[0])
 
 
-def _track(world: World) -> Array:
-    """Points along all paths, east and north [m]."""
-    points = []
-    for trajectory in world.trajectories:
-        line = trajectory.position[:, :2]
-        steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
-        far = np.concatenate([[0.0], np.cumsum(steps)])
-        at = np.arange(0.0, far[-1] + _STEP, _STEP)
-        points.append(np.stack([np.interp(at, far, line[:, n]) for n in (0, 1)], axis=-1))
-    return np.concatenate(points)
-
-
-def _away(world: World, places: Array) -> Array:
-    """Distances of places to the nearest path [m]."""
-    from scipy.spatial import KDTree
-
-    return np.asarray(KDTree(_track(world)).query(places)[0])
-
-
 def _cells(world: World, within: float) -> Array:
     """Columns and rows of the squares that reach within a distance of a path."""
     reach = int(np.ceil(within / _CELL)) + 1
-    on_path = np.unique(np.floor(_track(world) / _CELL).astype(np.int64), axis=0)
+    on_path = np.unique(np.floor(path_points(world) / _CELL).astype(np.int64), axis=0)
     steps = np.arange(-reach, reach + 1)
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     cells = np.unique((on_path[:, None, :] + around).reshape(-1, 2), axis=0)
-    return np.asarray(cells[_away(world, (cells + 0.5) * _CELL) <= within + _CELL])
+    return np.asarray(cells[path_distance(world, (cells + 0.5) * _CELL) <= within + _CELL])
 
 
 def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Array) -> RockField:

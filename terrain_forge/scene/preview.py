@@ -34,7 +34,7 @@ def render_preview(
     Raises:
         TerrainForgeError: where Embree is missing.
     """
-    with open_scene(world) as scene:
+    with open_scene(world, close=True) as scene:
         camera = choose_view(world, scene, width=width, height=height)
         return take_picture(scene, camera, tracks=tracks)
 

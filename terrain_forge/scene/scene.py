@@ -122,13 +122,13 @@ class RayScene:
         self.close()
 
 
-def open_scene(world: World) -> RayScene:
-    """The ray scene of a world.
+def open_scene(world: World, *, close: bool = False) -> RayScene:
+    """The ray scene of a world; with `close` as cameras at a metre see its large rocks.
 
     Raises:
         TerrainForgeError: where Embree is missing or of another version.
     """
-    return RayScene(subject_of(world))
+    return RayScene(subject_of(world, close=close))
 
 
 def _vertices(ground: Heightfield, origin: Array) -> NDArray[np.float32]:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Record, Rows, shaped
 from terrain_forge.model import (
+    CLOSE_MIN_M,
     USUAL,
     Heightfield,
     Horizon,
     Lighting,
     Mesh,
     Photometry,
+    RockField,
     World,
     merge,
     rotations,
@@ -105,8 +107,12 @@ class Subject(Record):
         return pebbles, rough, slabs
 
 
-def subject_of(world: World) -> Subject:
-    """A world for the renderer: the instances are its rocks and those that reach into it, by id."""
+def subject_of(world: World, *, close: bool = False) -> Subject:
+    """A world for the renderer: the instances are its rocks and those that reach into it, by id.
+
+    A rock is its shape, as in truth, or where it is large and `close` is wanted its close mesh,
+    which cameras and lidars at a metre see.
+    """
     rocks, rover, looks = merge(world.field, world.neighbours), world.rover, world.appearance
     wheels: dict[str, Any] = {}
     if rover.wheels:
@@ -119,8 +125,7 @@ def subject_of(world: World) -> Subject:
         ground_rgb=looks.ground_rgb,
         grain=None if looks.material is None and looks.drift is None else looks.grain,
         instances=Instances(
-            meshes=tuple(prototype.meshes[0] for prototype in world.library.prototypes),
-            mesh=rocks.prototype,
+            **_shapes(world, rocks, close=close),
             position=rocks.position,
             rotation=rotations(rocks),
             scale=rocks.scale,
@@ -136,6 +141,20 @@ def subject_of(world: World) -> Subject:
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,
     )
+
+
+def _shapes(world: World, rocks: RockField, *, close: bool) -> dict[str, Any]:
+    """`meshes` and `mesh` of the rocks' instances."""
+    shapes = world.library.prototypes
+    mesh, meshes = rocks.prototype, [shape.meshes[0] for shape in shapes]
+    if not close:
+        return {"meshes": tuple(meshes), "mesh": mesh}
+    large = rocks.diameter >= CLOSE_MIN_M
+    for number in np.unique(rocks.prototype[large]).tolist():
+        if (finer := shapes[number].close) is not None:
+            mesh = np.where(large & (rocks.prototype == number), np.int32(len(meshes)), mesh)
+            meshes.append(finer)
+    return {"meshes": tuple(meshes), "mesh": mesh}
 
 
 def fixed_array(array: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -20,15 +20,19 @@ TIMES_FEWER = 4
 MOST_VERTICES = 962
 """Vertices of the finest level, at most."""
 
+CLOSE_VERTICES = 2562
+"""Vertices of a rock's close mesh, at most."""
+
 _CANDIDATES = 5000
+_CLOSE_CANDIDATES = 12_000
 _SLENDER = 4.0  # length over width
 
 
 class Sphere:
     """Directions evenly over the sphere, and the triangles between them, to look for vertices."""
 
-    def __init__(self) -> None:
-        self.directions = fibonacci_sphere(_CANDIDATES)
+    def __init__(self, *, close: bool = False) -> None:
+        self.directions = fibonacci_sphere(_CLOSE_CANDIDATES if close else _CANDIDATES)
         self.faces = convex_faces(self.directions)
 
 
@@ -39,20 +43,29 @@ def carve(blank: Blank, sphere: Sphere) -> tuple[Mesh, ...]:
     have, which gathers them where the surface bends and leaves them on its edges. All levels are
     star-shaped about the blank's centre, so that none cuts itself.
     """
-    points = sphere.directions * radii(blank, sphere.directions)[:, None] * blank.axes
-    dense = Mesh(vertices=points, faces=sphere.faces)
-    meshes = [simplify(dense, blank.vertices, star_shaped=True)]
+    meshes = [simplify(_sampled(blank, sphere), blank.vertices, star_shaped=True)]
     for _ in range(LEVELS - 1):
         fewer = len(meshes[-1].vertices) // TIMES_FEWER
         meshes.append(simplify(meshes[-1], fewer, star_shaped=True))
     return tuple(meshes)
 
 
-def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
-    """Levels of detail, finest first, of a closed mesh that need not be star-shaped.
+def carve_close(blank: Blank, sphere: Sphere) -> Mesh:
+    """The same rock for pictures from a metre, in the blank's frame."""
+    return simplify(_sampled(blank, sphere), CLOSE_VERTICES, star_shaped=True)
 
-    The first has at most `MOST_VERTICES`. A level that would cut itself gets half as many vertices
-    again, until it is as fine as the one before. A needle is simplified as a shorter one, since
+
+def _sampled(blank: Blank, sphere: Sphere) -> Mesh:
+    points = sphere.directions * radii(blank, sphere.directions)[:, None] * blank.axes
+    return Mesh(vertices=points, faces=sphere.faces)
+
+
+def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
+    """The close mesh and the levels of detail, finest first, of any closed mesh.
+
+    They have at most `CLOSE_VERTICES`, `MOST_VERTICES` and ever fewer. One that would cut itself
+    gets half as many vertices again, until it is the mesh itself or as fine as the one before. A
+    needle is simplified as a shorter one, since
     few vertices along it leave none but slender triangles.
     """
     centred = mesh.vertices - mesh.vertices.mean(axis=0)
@@ -71,13 +84,17 @@ def levels_of_detail(mesh: Mesh) -> tuple[Mesh, ...]:
 def _levels(mesh: Mesh) -> tuple[Mesh, ...]:
     meshes = [mesh]
     for level in range(LEVELS):
-        finer, count = meshes[-1], MOST_VERTICES // TIMES_FEWER**level
+        meshes.append(_fewer(meshes[-1], MOST_VERTICES // TIMES_FEWER**level))
+    return _fewer(mesh, CLOSE_VERTICES), *meshes[1:]
+
+
+def _fewer(finer: Mesh, count: int) -> Mesh:
+    """A mesh of so many vertices or more that does not cut itself."""
+    found = simplify(finer, count)
+    while found is not finer and cuts_itself(found):
+        count = (3 * count) // 2
         found = simplify(finer, count)
-        while found is not finer and cuts_itself(found):
-            count = (3 * count) // 2
-            found = simplify(finer, count)
-        meshes.append(found)
-    return tuple(meshes[1:])
+    return found
 
 
 def convex_faces(points: Array) -> NDArray[np.int32]:

@@ -1,6 +1,6 @@
-"""What a rock's surface looks like close by: a tile, and where it lies on a mesh.
+"""What a rock's surface looks like close by: a tile of relief that all rocks share.
 
-The tile is one relief: facets that fractures left, roughness, pits and cracks. Its normals, its
+It is one relief: facets that fractures left, roughness, pits and cracks. Its normals, its
 brightness and how rough it shines all follow from that; it tiles both ways.
 """
 
@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, mix, stage_key
-from terrain_forge.model import Mesh
+from terrain_forge.base import inner, kernel, mix, stage_key
 
 TEXTURE_SIDE = 512
 """Pixels of the tile each way, of one mean axis of a rock: 2 mm on a rock of a metre."""
@@ -36,23 +35,6 @@ class RockSurface(NamedTuple):
     """Unit normals towards u, v and outwards, -1 to 1 as 0 to 255, shape [side, side, 3]."""
     roughness: NDArray[np.uint8]
     """Roughness of a microfacet model, 0 to 1 as 0 to 255, shape [side, side]."""
-
-
-def box_projection(mesh: Mesh) -> Array:
-    """Texture coordinates of a mesh's face corners, one tile per metre, shape [faces, 3, 2].
-
-    Each face is projected along the axis that its normal is nearest to, so that no length is
-    stretched more than √3 times; faces that look along different axes meet in a seam. Seen from
-    outside, the texture is never mirrored.
-    """
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    axis = np.abs(normals).argmax(axis=1)
-    across, along = (axis + 1) % 3, (axis + 2) % 3
-    u = np.take_along_axis(corners, across[:, None, None], axis=2)[:, :, 0]
-    v = np.take_along_axis(corners, along[:, None, None], axis=2)[:, :, 0]
-    facing = np.take_along_axis(normals, axis[:, None], axis=1)
-    return np.stack([np.where(facing < 0.0, -u, u), v], axis=-1) + 0.5
 
 
 @cache

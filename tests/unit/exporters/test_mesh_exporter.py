@@ -9,6 +9,7 @@ from terrain_forge.exporters.mesh import Options, export
 from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.model import rotations
 from terrain_forge.validation import read_objects, read_triangles
+from terrain_forge.writers import vertex_normals
 from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.helpers.surfaces import random_points, top_under
 
@@ -52,6 +53,24 @@ def obj_objects(path):
         assert np.array_equal(position, normal)
         used, faces = np.unique(position, return_inverse=True)
         yield name, vertices[used], faces.reshape(-1, 3), coordinates[texture]
+
+
+def test_ply_has_the_dust_on_top_of_rocks(small_world, tmp_path):
+    """Where a rock rises it is nearer to the ground's colour than where it stands upright."""
+    colours = {}
+    for rocks in ("none", "merged"):
+        exported(small_world, tmp_path / rocks, format="ply", rocks=rocks)
+        mesh = trimesh.load(tmp_path / rocks / "world.ply", process=False)
+        colours[rocks] = np.asarray(mesh.visual.vertex_colors)[:, :3].astype(float)
+    nodes = small_world.ground.elevation.size
+    stones = colours["merged"][nodes:]
+    up = vertex_normals(mesh.vertices, mesh.faces)[nodes:, 2]
+    ground = colours["none"].mean(axis=0)
+    off = np.linalg.norm(stones - ground, axis=1)
+    rising, upright = off[up > 0.9], off[np.abs(up) < 0.2]
+    assert len(rising) > 20
+    assert len(upright) > 20
+    assert rising.mean() < 0.9 * upright.mean()
 
 
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])

@@ -446,7 +446,7 @@ def test_the_outlines_of_small_rocks_are_within_the_option_and_said(small_world,
     worst = 100 * max(shape.outline_errors[1] for shape in shapes)
     for allowed, level in ((0.5, 1), (0.001, 0)):
         (tmp_path / str(level)).mkdir()
-        options = Options(outline_error=allowed)
+        options = Options(outline_error=allowed, close_within_m=0)
         losses = " ".join(export(world, tmp_path / str(level), options=options).losses)
         assert losses.count(f"outlines off by up to {worst:.2g} %") == 2 * level
         assert losses.count("outlines") == 2 * level

@@ -27,10 +27,10 @@ from terrain_forge.rocks import (
 )
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.library import MeshSpec, lay_down
-from terrain_forge.rocks.shapes.carving import Sphere, carve, convex_faces
+from terrain_forge.rocks.shapes.carving import Sphere, carve, carve_close, convex_faces
 from terrain_forge.rocks.shapes.collision import collision_hull
 from terrain_forge.rocks.shapes.families import block
-from terrain_forge.rocks.shapes.shapes import projections
+from terrain_forge.rocks.shapes.shapes import projections, radii
 from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
 from terrain_forge.rocks.shapes.texture import MEAN_BRIGHTNESS
 
@@ -77,7 +77,8 @@ def test_levels_of_detail_are_closed_outward_surfaces(rock):
     finest = len(rock.meshes[0].vertices)
     assert finest in (642, 962)
     assert [len(mesh.vertices) for mesh in rock.meshes] == [finest, finest // 4, finest // 16]
-    for mesh in rock.meshes:
+    assert len(rock.close.vertices) == 2562
+    for mesh in (*rock.meshes, rock.close):
         body = solid(mesh)
         assert body.is_watertight
         assert body.is_winding_consistent
@@ -90,7 +91,7 @@ def test_surface_never_cuts_itself(rock):
     """Some point sees every face from inside: the centre of carving, no longer the origin."""
     from scipy.optimize import linprog
 
-    for mesh in rock.meshes:
+    for mesh in (*rock.meshes, rock.close):
         body = solid(mesh)
         offsets = np.einsum("ij,ij->i", body.face_normals, mesh.vertices[mesh.faces[:, 0]])
         constraints = np.column_stack([body.face_normals, np.ones(len(offsets))])
@@ -144,6 +145,29 @@ def test_rock_has_the_axes_that_were_drawn():
     blank = block(Generator(Philox(key=5)))
     shape = lay_down(carve(blank, Sphere()), blank.axes)[0]
     np.testing.assert_allclose(np.ptp(shape.vertices, axis=0), blank.axes, rtol=1e-12)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_close_mesh_is_nearer_to_what_was_drawn(family):
+    """By a third at least, over directions that neither mesh was made from."""
+    blank = FAMILIES[family](Generator(Philox(key=5)))
+    towards = fibonacci_sphere(3001)
+    drawn = towards * radii(blank, towards)[:, None] * blank.axes
+    shape, close = carve(blank, Sphere())[0], carve_close(blank, Sphere(close=True))
+    off = [np.sqrt(np.mean(distances(drawn, mesh) ** 2)) for mesh in (shape, close)]
+    assert off[1] < 0.67 * off[0]
+
+
+def distances(points, mesh):
+    """Of points to the nearest of the faces whose middles are near."""
+    from scipy.spatial import KDTree
+
+    triangles = mesh.vertices[mesh.faces]
+    _, near = KDTree(triangles.mean(axis=1)).query(points, k=24)
+    repeated = np.repeat(points, near.shape[1], axis=0)
+    foot = trimesh.triangles.closest_point(triangles[near.ravel()], repeated)
+    away = np.linalg.norm(foot - repeated, axis=1).reshape(near.shape)
+    return away.min(axis=1)
 
 
 def test_collision_hull_is_convex_small_and_close(rock):
