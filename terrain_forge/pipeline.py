@@ -361,7 +361,14 @@ def record(
         OutputError: if the folder holds another recording, or another process writes there.
         StorageError: if the disk does not take it.
     """
-    order = recording.Order(begin=begin, end=end, only=only, workers=workers, force=force)
+    order = recording.Order(
+        begin=begin,
+        end=end,
+        only=only,
+        workers=workers,
+        force=force,
+        all_formats=not only or "formats" in changes,
+    )
     with watched(progress, RECORD_STAGES) as watch:
         place = None
         if not isinstance(world, World):

@@ -32,6 +32,8 @@ class Order:
     """How many measurements are made at once; None for one a processor core."""
     force: bool = False
     """Whether another recording of ours in the folder is replaced."""
+    all_formats: bool = True
+    """Whether a format that lacks something is refused; else it is left out, and told."""
 
     @property
     def span(self) -> tuple[int, int]:

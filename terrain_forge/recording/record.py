@@ -87,7 +87,8 @@ def record_dataset(
                 require_same(folder, [] if order.force else differing)
             work = work_of(setting, store, spec=spec, order=order, anew=bool(differing))
             watch("rehearsal")
-            rehearse(work, store, formats)
+            lacking = rehearse(work, store, formats)
+            formats = {name: how for name, how in formats.items() if name not in lacking}
             if work.anew:
                 store.clear()
             if not store.holds(PLAN):
@@ -96,6 +97,7 @@ def record_dataset(
             watch("tables")
             streams = write_index(store, setting, work.rig, spec=spec, spans=work.spans)
             losses = write_formats(store, formats, watch)
+            losses |= {name: (f"not made: {why}",) for name, why in lacking.items()}
             store.settle()
             return Recorded(
                 folder=folder, made=len(work.tasks), streams=streams, size=store.size, losses=losses

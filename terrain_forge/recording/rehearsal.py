@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import StorageError, size_text
+from terrain_forge.base import ExportError, StorageError, size_text
 from terrain_forge.datasets import checked_options, dataset_kind, open_recording
 from terrain_forge.recording.cost import measurement_cost
 from terrain_forge.recording.index import write_index
@@ -25,7 +25,7 @@ _LENGTH = NANOSECONDS
 """Time of the tables of a rehearsal [ns]."""
 
 
-def rehearse(work: Work, store: Store, formats: Mapping[str, Mapping[str, Any]]) -> None:
+def rehearse(work: Work, store: Store, formats: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Measure once with each sensor, and refuse what could not be finished.
 
     Args:
@@ -33,14 +33,17 @@ def rehearse(work: Work, store: Store, formats: Mapping[str, Mapping[str, Any]])
         store: The recording's folder.
         formats: The further formats and their options.
 
+    Returns:
+        The formats that are left out, and why.
+
     Raises:
         ExportError: says what a format lacks.
         StorageError: if the disk is too small; says what is needed.
     """
     firsts = _first_measurements(work) if work.tasks or formats else []
-    if formats:
-        _require_formats(formats, firsts, work)
-    _require_room(store, firsts, work, formats=len(formats))
+    lacking = _lacking(formats, firsts, work) if formats else {}
+    _require_room(store, firsts, work, formats=len(formats) - len(lacking))
+    return lacking
 
 
 def _first_measurements(work: Work) -> list[tuple[Task, dict[str, bytes]]]:
@@ -54,12 +57,13 @@ def _first_measurements(work: Work) -> list[tuple[Task, dict[str, bytes]]]:
     return found
 
 
-def _require_formats(
+def _lacking(
     formats: Mapping[str, Mapping[str, Any]],
     firsts: Sequence[tuple[Task, dict[str, bytes]]],
     work: Work,
-) -> None:
-    """Refuse formats that lack something in a recording, by one of the first measurements alone."""
+) -> dict[str, str]:
+    """Formats that lack something in a recording, by one of the first measurements alone."""
+    found = {}
     begin = work.order.span[0]
     with TemporaryDirectory() as place, Store(Path(place)) as store:
         for task, files in firsts:
@@ -69,7 +73,13 @@ def _require_formats(
         write_index(store, work.setting, work.rig, spec=work.spec, spans=spans)
         recording = open_recording(store.folder)
         for name, options in formats.items():
-            dataset_kind(name)().check(recording, checked_options(name, options))
+            try:
+                dataset_kind(name)().check(recording, checked_options(name, options))
+            except ExportError as error:
+                if work.order.all_formats:
+                    raise
+                found[name] = str(error)
+    return found
 
 
 def _require_room(

@@ -60,6 +60,7 @@ def carry_out(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         recorded = record(
             realise(site), folder, begin=part.from_s, end=part.to_s,
             only=sensors_for(job, sensors), workers=job["workers"], force=True,
+            formats=("euroc",),  # adapters make of it what their systems read
         )  # fmt: skip
         results = evaluate_recording(
             recorded.folder,
