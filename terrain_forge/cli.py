@@ -296,11 +296,13 @@ def schema() -> None:
 def doctor() -> None:
     """Say what is installed here, and what was not found.
 
-    Versions, cores, cache, engines, exporters, and the programs that open exports or check them.
+    Versions, cores, cache, engines, exporters, parts of other packages, and the programs that open
+    exports or check them.
     """
+    from terrain_forge.report import section_types
     from terrain_forge.terminal import doctor_lines
 
-    for line in doctor_lines():
+    for line in doctor_lines((section_types,)):
         say(line)
 
 

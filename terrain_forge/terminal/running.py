@@ -1,7 +1,7 @@
 """Running a command line: interrupts, and the exit status and line of each error.
 
 Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 the disk or
-the system refused, or an internal error; 130 interrupted.
+the system refused, code of another package failed, or an internal error; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from terrain_forge.base import (
+    PluginError,
     SimulationError,
     StorageError,
     TerrainForgeError,
@@ -32,6 +33,7 @@ FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 _STATUS = {
     SimulationError: FAILED_CHECK,
     StorageError: INTERNAL,
+    PluginError: INTERNAL,
     TerrainForgeError: WRONG_INPUT,
     OSError: INTERNAL,
 }
