@@ -6,6 +6,7 @@ What a command's exit status means stands in `terminal/running.py`.
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import click
@@ -70,7 +71,7 @@ def init(directory: Path, listed: bool, recipe: str) -> None:
             say(f"{name:<14} {about}")
         return
     path = write_starter(directory, recipe)
-    say(f"{path}: edit it, then run  terrain-forge build {path}")
+    say(f"{path}: edit it, then run  terrain-forge build {quote(str(path))}")
 
 
 @cli.command()

@@ -157,8 +157,9 @@ def _find_all(also: Sequence[Callable[[], object]]) -> None:
     from terrain_forge.sensors import instrument_kinds
     from terrain_forge.validation import inspections
 
-    ours = json_schema, inspections, instrument_kinds, dataset_kinds, known_systems
-    for find in (*ours, *also):
+    finders: list[Callable[[], object]] = [json_schema, inspections, instrument_kinds]
+    finders += [dataset_kinds, known_systems, *also]
+    for find in finders:
         with suppress(Exception):  # the lines say of each part whether it works
             find()
     for name in _exporters():
