@@ -281,6 +281,12 @@ def _get(url: str, name: str, headers: dict[str, str]) -> Iterator[Any]:
         try:
             response = session.get(url, headers=own, stream=True, timeout=TIMEOUT)
         except requests.RequestException as error:
+            if isinstance(error, requests.ConnectionError):
+                raise DataError(
+                    f"{name} cannot be had: {host} is not reached ({_reason(error)}). Offline, "
+                    f"fetch it on another machine and copy that one's cache to {cache_folder()}",
+                    key=_KEY,
+                ) from None
             why = _reason(error)
             raise DataError(f"{name} cannot be had from {host}: {why}", key=_KEY) from None
         with response:

@@ -110,8 +110,8 @@ def tell_recording(result: Recorded, seconds: float) -> None:
     """Say what was recorded, and what of it is new."""
     streams = ", ".join(f"{name} {count:,}" for name, count in result.streams.items())
     say(f"{result.folder}: {streams}")
-    made = _count(result.made, "new measurement")
-    say(f"  {size_text(result.size)}, {made} in {time_text(seconds)}")
+    made = f"{_count(result.made, 'new measurement')} in files of their own, tables anew,"
+    say(f"  {size_text(result.size)}: {made} in {time_text(seconds)}")
 
 
 def tell_openings(out: Path, exports: Sequence[Export]) -> None:
