@@ -36,9 +36,10 @@ COMMANDS = """# The command line
 tracebacks.
 
 **Exit status**: 0 done; 1 built, but a validation check failed; 2 the input is wrong; 3 the disk
-or the system refused, or an internal error; 130 interrupted. An `export` is failed by the checks
-of what it wrote and by those that passed before, not by what failed before and has nothing to do
-with it.
+or the system refused, code of another package failed, or an internal error; 130 interrupted. An
+`export` is failed by the checks of what it wrote and by those that passed before, not by what
+failed before and has nothing to do with it. A server that is not reached is status 2, and the line
+says what to do offline.
 
 **Progress** is one line on the error stream, with the stage, what it is busy with, a clock and
 the time left, which goes at the end. Where the error stream is no terminal, or `TERM=dumb`, each

@@ -7,11 +7,13 @@ from .base import InputFile as InputFile
 from .base import NotNegative as NotNegative
 from .base import OutputError as OutputError
 from .base import Pair as Pair
+from .base import PluginError as PluginError
 from .base import Positive as Positive
 from .base import RecipeError as RecipeError
 from .base import RecipeWarning as RecipeWarning
 from .base import SimulationError as SimulationError
 from .base import Spec as Spec
+from .base import StorageError as StorageError
 from .base import TerrainForgeError as TerrainForgeError
 from .base import stage_key as stage_key
 from .building import BuildResult as BuildResult

@@ -6,6 +6,7 @@ What a command's exit status means stands in `terminal/running.py`.
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import click
@@ -70,7 +71,7 @@ def init(directory: Path, listed: bool, recipe: str) -> None:
             say(f"{name:<14} {about}")
         return
     path = write_starter(directory, recipe)
-    say(f"{path}: edit it, then run  terrain-forge build {path}")
+    say(f"{path}: edit it, then run  terrain-forge build {quote(str(path))}")
 
 
 @cli.command()
@@ -296,11 +297,13 @@ def schema() -> None:
 def doctor() -> None:
     """Say what is installed here, and what was not found.
 
-    Versions, cores, cache, engines, exporters, and the programs that open exports or check them.
+    Versions, cores, cache, engines, exporters, parts of other packages, and the programs that open
+    exports or check them.
     """
+    from terrain_forge.report import section_types
     from terrain_forge.terminal import doctor_lines
 
-    for line in doctor_lines():
+    for line in doctor_lines((section_types,)):
         say(line)
 
 

@@ -220,7 +220,7 @@ def cut(
 
 def export(
     out: Path | str,
-    only: tuple[str, ...],
+    only: tuple[str, ...] | str,
     *,
     force: bool = False,
     progress: Progress | bool = False,
@@ -229,7 +229,8 @@ def export(
 
     Args:
         out: The built folder.
-        only: Folders of the recipe's exports, with their options, or else exporters, with defaults.
+        only: Folders of the recipe's exports, with their options, or else exporters, with defaults;
+            one may stand alone.
         force: Whether files may be removed that lie in those folders and are not the world's, or
             that were edited since and would be written anew.
         progress: Called with what is being done; True shows it.
@@ -242,6 +243,7 @@ def export(
             names no exporter.
         StorageError: if the disk does not take the files.
     """
+    only = (only,) if isinstance(only, str) else tuple(only)
     out = Path(out).resolve()
     building.finish(out)
     older = {check.name for check in failed_checks(out)}

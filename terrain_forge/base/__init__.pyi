@@ -13,6 +13,7 @@ from .compiling import compile_ahead as compile_ahead
 from .errors import DataError as DataError
 from .errors import ExportError as ExportError
 from .errors import OutputError as OutputError
+from .errors import PluginError as PluginError
 from .errors import RecipeError as RecipeError
 from .errors import RecipeWarning as RecipeWarning
 from .errors import SimulationError as SimulationError
@@ -55,7 +56,10 @@ from .registry import load_plugin as load_plugin
 from .registry import parts as parts
 from .registry import plugin_at_fault as plugin_at_fault
 from .registry import plugins as plugins
+from .registry import returning as returning
 from .registry import skip_plugin as skip_plugin
+from .registry import skipped as skipped
+from .registry import their_plugins as their_plugins
 from .registry import values as values
 from .seeds import mix as mix
 from .seeds import normal as normal

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_STORED, ZipFile
@@ -11,8 +12,10 @@ import numpy as np
 from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
 from numpy.typing import NDArray
 
-from terrain_forge.base.errors import DataError, reading
+from terrain_forge.base.errors import DataError, hint_at, reading
 
+_BESIDE = 10_000
+"""Files of a folder among which the one that is meant is looked for."""
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
@@ -37,12 +40,22 @@ def require_file(
         if path.is_dir():
             raise DataError(f"is a folder, not a file: {name}", key=key)
         if not path.is_file():
-            problem = "is no regular file" if path.exists() else "no such file"
-            raise DataError(f"{problem}: {name}", key=key)
+            if path.exists():
+                raise DataError(f"is no regular file: {name}", key=key)
+            raise DataError(f"no such file: {name}{_meant(path)}", key=key)
         if (size := path.stat().st_size) > most:
             raise DataError(
                 f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,.0f} MiB", key=key
             )
+
+
+def _meant(path: Path) -> str:
+    """The file beside it that is meant, as a question; empty where none is like it."""
+    try:
+        beside = islice(path.parent.iterdir(), _BESIDE)
+        return hint_at(path.name, sorted(file.name for file in beside))
+    except OSError:
+        return ""
 
 
 def read_text(

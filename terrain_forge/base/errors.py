@@ -44,6 +44,10 @@ class ExportError(TerrainForgeError):
     """A format cannot hold this world with these options (exit status 2)."""
 
 
+class PluginError(TerrainForgeError):
+    """Code of another package returned what it may not (exit status 3)."""
+
+
 class SimulationError(TerrainForgeError):
     """A simulation could not be carried to an end that means anything (exit status 1)."""
 

@@ -7,19 +7,29 @@ package by an entry point.
 
 from __future__ import annotations
 
+import inspect
 import logging
 import pkgutil
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, distributions, entry_points
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+from terrain_forge.base.errors import PluginError, TerrainForgeError
+from terrain_forge.base.specs import Spec
 
 _OURS = "terrain_forge"
 _log = logging.getLogger(__name__)
 _Part = TypeVar("_Part")
+_skipped: dict[tuple[str, str, str], list[str]] = {}
+"""Why something of a plugin is skipped, by its group, name and value."""
+_asked: set[str] = set()
+"""Groups in which something was looked for."""
 
 
 @cache
@@ -29,12 +39,12 @@ def plugins(group: str) -> dict[str, EntryPoint]:
     Where several packages give one name, ours has it, or else the first by its module's name; the
     others are skipped with a warning.
     """
+    _asked.add(group)
     found: dict[str, EntryPoint] = {}
     for point in sorted(set(entry_points(group=group)), key=_precedence):
         first = found.setdefault(point.name, point)
         if first.value != point.value:
-            twin = _what(group), point.name, point.value, first.value
-            _log.warning("%s %r of %s is skipped: %s has that name", *twin)
+            _skip_twin(point, group, point.name, point.value, f"{first.value} has that name")
     return found
 
 
@@ -43,13 +53,79 @@ def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
     try:
         return import_module(point.module)
     except Exception as error:  # whatever a foreign package raises must not break ours
-        skip_plugin(point, group, " ".join(str(error).split()) or type(error).__name__)
+        skip_plugin(point, group, _words(error))
         return None
 
 
 def skip_plugin(point: EntryPoint, group: str, why: str) -> None:
-    """Warn that a plugin is skipped."""
-    _log.warning("%s %r (%s) is skipped: %s", _what(group), point.name, point.value, why)
+    """Warn, once, that a plugin or one of its parts is skipped."""
+    if _is_new(point, group, why):
+        _log.warning("%s %r (%s) is skipped: %s", _what(group), point.name, point.value, why)
+
+
+def skipped(point: EntryPoint, group: str) -> tuple[str, ...]:
+    """Why a plugin, or parts of it, were skipped so far."""
+    if group not in _asked:
+        return (f"nothing is looked for in {group}",)
+    return tuple(_skipped.get((group, point.name, point.value), ()))
+
+
+def their_plugins() -> tuple[tuple[str, EntryPoint], ...]:
+    """All plugins of other packages, each after what it is (`layer`), in that order."""
+    found = {point for group in entry_points().groups for point in _theirs(group)}
+    return tuple(sorted((_what(point.group), point) for point in found))
+
+
+def _theirs(group: str) -> list[EntryPoint]:
+    points = entry_points(group=group) if group.startswith(f"{_OURS}.") else ()
+    return [point for point in points if not point.value.startswith(f"{_OURS}.")]
+
+
+@contextmanager
+def returning(part: object, what: str, allowed: str) -> Iterator[None]:
+    """Judge what code of another package returns: within it any error is one of that code.
+
+    Args:
+        part: A part, or an exporter's module.
+        what: What is called, such as "layer 'dykes'" and its method.
+        allowed: What it may return.
+
+    Raises:
+        PluginError: in place of what is raised by who cannot use what was returned. An error in
+            the plugin's own lines goes on, see `plugin_at_fault`, and so do ours.
+    """
+    module = part.__name__ if isinstance(part, ModuleType) else type(part).__module__
+    try:
+        yield
+    except TerrainForgeError:
+        raise
+    except Exception as error:
+        if _is_ours(module) or plugin_at_fault(error):
+            raise
+        found = _words(error)
+        raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
+
+
+def _is_ours(module: str) -> bool:
+    return module.partition(".")[0] == _OURS
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _is_new(point: EntryPoint, group: str, why: str) -> bool:
+    """Whether that is not known of the plugin; it is then."""
+    known = _skipped.setdefault((group, point.name, point.value), [])
+    if why in known:
+        return False
+    known.append(why)
+    return True
+
+
+def _skip_twin(point: EntryPoint, group: str, name: str, module: str, why: str) -> None:
+    if _is_new(point, group, f"{name!r}: {why}"):
+        _log.warning("%s %r of %s is skipped: %s", _what(group), name, module, why)
 
 
 def plugin_at_fault(error: BaseException) -> str:
@@ -74,15 +150,16 @@ def parts(
 
     They tell themselves apart by their class attribute `kind`. Modules of our package `folder` and
     those that entry points of a group name define some; ours keep their kinds, `taken` are ours
-    though no module has them.
+    though no module has them. A class of another package that would not work is skipped with a
+    warning, see `unfit`.
     """
 
     def wanted(member: object) -> bool:
         return isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
 
     named = [
-        (str(vars(member).get("kind", member.__name__)), member, member.__module__)
-        for member, _ in _members(folder, group, base, wanted)
+        (str(vars(member).get("kind", member.__name__)), member, member.__module__, point)
+        for member, _, point in _members(folder, group, base, wanted)
     ]
     found = _first_of_each(group, "kind", named, taken)
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
@@ -91,35 +168,96 @@ def parts(
 def values(base: type[_Part], folder: str, group: str) -> tuple[_Part, ...]:
     """All installed values of a class, found as by `parts`, in the order of their `name`."""
     members = _members(folder, group, base, lambda member: isinstance(member, base))
-    found = _first_of_each(group, "name", [(one.name, one, module) for one, module in members])
+    named = [(one.name, one, module, point) for one, module, point in members]
+    found = _first_of_each(group, "name", named)
     return tuple(found[name] for name in sorted(found))
+
+
+def unfit(part: type) -> str:
+    """Why a class cannot be used as a part; empty if it can.
+
+    It needs all methods that its bases mark as abstract and all class attributes that they declare
+    without a value; a part of recipes is a frozen dataclass that pydantic can read, with a literal
+    `kind`.
+    """
+    lacking = [
+        name
+        for name in dir(part)
+        if getattr(inspect.getattr_static(part, name), "__isabstractmethod__", False)
+    ]
+    declared = {name: kind for base in part.__mro__ for name, kind in _annotations(base).items()}
+    lacking += [
+        name
+        for name, kind in declared.items()
+        if str(kind).startswith("ClassVar") and not hasattr(part, name)
+    ]
+    if lacking:
+        return f"has no {', '.join(lacking)}"
+    try:
+        return _unreadable(part) if issubclass(part, Spec) else ""
+    except Exception as error:  # whatever pydantic or a foreign annotation raises
+        return f"cannot be read from a recipe: {str(error).partition(chr(10))[0]}"
+
+
+def _annotations(of: type) -> dict[str, Any]:
+    return inspect.get_annotations(of)
+
+
+def _unreadable(spec: type[Spec]) -> str:
+    """Why pydantic cannot read a part of recipes, or tell it from others; empty if it can.
+
+    Raises:
+        Exception: of pydantic, where an annotation says nothing to it.
+    """
+    from pydantic import TypeAdapter
+
+    parameters = vars(spec).get("__dataclass_params__")
+    if parameters is None or not parameters.frozen:
+        return "is no @dataclass(frozen=True, kw_only=True)"
+    kind = get_type_hints(spec).get("kind")
+    default = getattr(spec, "kind", None)
+    if get_origin(kind) is not Literal or default not in get_args(kind):
+        return f"has not `kind: Literal[{default!r}] = {default!r}`"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        TypeAdapter(spec).json_schema()
+    return ""
 
 
 def _members(
     folder: str, group: str, base: type, wanted: Callable[[object], bool]
-) -> Iterator[tuple[Any, str]]:
+) -> Iterator[tuple[Any, str, EntryPoint | None]]:
     """What modules of our folder bring, then those of other packages that can be imported."""
     names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
     modules: list[tuple[ModuleType, EntryPoint | None]] = [(import_module(n), None) for n in names]
+    _asked.add(group)
     points = sorted(set(entry_points(group=group)), key=_precedence)
     modules += [(module, point) for point in points if (module := load_plugin(point, group))]
     for module, point in modules:
         members = [member for member in vars(module).values() if wanted(member)]
         if point is not None and not members:
             skip_plugin(point, group, f"has no {base.__name__}")
-        yield from ((member, module.__name__) for member in members)
+        for member in members:
+            judged = point is not None and isinstance(member, type)
+            why = unfit(member) if judged and not _is_ours(member.__module__) else ""
+            if point is not None and why:
+                skip_plugin(point, group, f"{member.__name__} {why}")
+            else:
+                yield member, module.__name__, point
+
+
+_Named = tuple[str, Any, str, EntryPoint | None]
 
 
 def _first_of_each(
-    group: str, what: str, named: list[tuple[str, Any, str]], taken: Iterable[str] = ()
+    group: str, what: str, named: list[_Named], taken: Iterable[str] = ()
 ) -> dict[str, Any]:
     """The first of each name, but for names that are taken; warns of the others."""
     found: dict[str, tuple[Any, str]] = {name: (None, "terrain_forge") for name in taken}
-    for name, member, module in named:
+    for name, member, module, point in named:
         first, where = found.setdefault(name, (member, module))
-        if first is not member:
-            twin = _what(group), name, module, where, what
-            _log.warning("%s %r of %s is skipped: %s has that %s", *twin)
+        if first is not member and point is not None:
+            _skip_twin(point, group, name, module, f"{where} has that {what}")
     return {name: first for name, (first, _) in found.items() if first is not None}
 
 

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import ExportError, Stopwatch, in_turn, worker_threads
-from terrain_forge.model import Export, World, html_picture, plain_options, prepare
+from terrain_forge.base import ExportError, Stopwatch, in_turn, returning, worker_threads
+from terrain_forge.model import Export, ExportReport, World, html_picture, plain_options, prepare
 from terrain_forge.recipe import ExportOrder
 
 
@@ -84,12 +84,17 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
     folder = directory / order.folder
     folder.mkdir(parents=True)
     try:
-        report = order.exporter.export(world, folder, options=order.options)
+        what = f"exporter {order.kind!r}: export"
+        with returning(order.exporter, what, "an ExportReport"):
+            report = order.exporter.export(world, folder, options=order.options)
+            if not isinstance(report, ExportReport):
+                raise TypeError(f"found {type(report).__name__}")
+            losses = tuple(map(str, report.losses))
     except ExportError as error:
         raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
     return Export(
         folder=order.folder,
         kind=order.kind,
         options=plain_options(order.options),
-        losses=tuple(report.losses),
+        losses=losses,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -20,6 +21,7 @@ from terrain_forge.base import (
     StorageError,
     hint_at,
     parts,
+    returning,
     silent,
 )
 from terrain_forge.datasets.reader import Recording, open_recording
@@ -42,6 +44,8 @@ _SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
 class DatasetWriter:
     """Writes a recording in one format; a format is a subclass with its `kind`.
 
+    It must have a `title`, its `Options`, and `write`; `needs` and `check` may stay.
+
     It writes what it reads one measurement at a time, so that its memory does not grow with the
     recording, and the same bytes each time.
     """
@@ -62,6 +66,7 @@ class DatasetWriter:
             ExportError: says what is missing.
         """
 
+    @abstractmethod
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress
     ) -> tuple[str, ...]:
@@ -130,7 +135,8 @@ def write_dataset(
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)
-            losses = writer.write(recording, fresh, chosen, progress)
+            with returning(writer, f"dataset format {kind!r}: write", "a tuple of sentences"):
+                losses = _sentences(writer.write(recording, fresh, chosen, progress))
             files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
             with suppress(FileNotFoundError):
                 target.rmdir()
@@ -138,6 +144,12 @@ def write_dataset(
         finally:
             shutil.rmtree(around, ignore_errors=True)
     return ExportReport(files=files, losses=losses)
+
+
+def _sentences(losses: tuple[str, ...]) -> tuple[str, ...]:
+    if isinstance(losses, str) or not all(isinstance(one, str) for one in losses):
+        raise TypeError(f"found {losses!r}")
+    return tuple(losses)
 
 
 def checked_options(kind: str, options: Mapping[str, Any]) -> Any:

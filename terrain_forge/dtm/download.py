@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -79,7 +80,8 @@ def kept(path: Path, wish: str) -> dict[str, Any] | None:
     if found != record.get("sha256"):
         raise DataError(
             f"{path} is not as it was fetched (SHA-256 {found[:12]}…, was "
-            f"{str(record.get('sha256'))[:12]}…): delete it, then terrain-forge fetch {wish}",
+            f"{str(record.get('sha256'))[:12]}…): delete it, then "
+            f"terrain-forge fetch {quote(wish)}",
             key=_KEY,
         )
     return record
@@ -131,7 +133,7 @@ def ask(url: str, name: str, *, wish: str) -> Answer:
     if os.environ.get(OFFLINE, "0") not in ("", "0"):
         raise DataError(
             f"{name} is not in the cache and {OFFLINE} is set: without it, terrain-forge fetch "
-            f"{wish}",
+            f"{quote(wish)}",
             key=_KEY,
         )
     with _get(url, name, {"Range": "bytes=0-0"}) as answer:
@@ -241,7 +243,7 @@ def _receive(answer: Answer, part: Path, name: str, progress: Progress) -> None:
         if part.stat().st_size != answer.size and (broken == TRIES or not answer.in_pieces):
             raise DataError(
                 f"{name} broke off at {urlsplit(answer.url).hostname}: {why}; what is there is "
-                f"kept, terrain-forge fetch {name} goes on",
+                f"kept, terrain-forge fetch {quote(name)} goes on",
                 key=_KEY,
             )
 
@@ -279,6 +281,12 @@ def _get(url: str, name: str, headers: dict[str, str]) -> Iterator[Any]:
         try:
             response = session.get(url, headers=own, stream=True, timeout=TIMEOUT)
         except requests.RequestException as error:
+            if isinstance(error, requests.ConnectionError):
+                raise DataError(
+                    f"{name} cannot be had: {host} is not reached ({_reason(error)}). Offline, "
+                    f"fetch it on another machine and copy that one's cache to {cache_folder()}",
+                    key=_KEY,
+                ) from None
             why = _reason(error)
             raise DataError(f"{name} cannot be had from {host}: {why}", key=_KEY) from None
         with response:

@@ -29,6 +29,9 @@ def remedy(path: Path) -> str:
     if (label := _beside(path, (".lbl",))) != path:
         return f" (it has a label: name {label.name})"
     meant = file_to_open(path)
+    if path.suffix.lower() == _HEADER and meant == path:
+        names = ", ".join(path.stem + ending for ending in _BESIDE[_HEADER])
+        return f" (a header alone: put its data beside it, as one of {path.stem}, {names})"
     return f" (the heights are in {meant.name}: name that)" if meant != path else ""
 
 

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError, Spec, hint_at, load_plugin, plugins, skip_plugin
+from terrain_forge.base import (
+    RecipeError,
+    Spec,
+    hint_at,
+    load_plugin,
+    plugins,
+    skip_plugin,
+    skipped,
+)
 from terrain_forge.model.body import Body
 
 if TYPE_CHECKING:
@@ -146,7 +154,8 @@ def exporter(name: str) -> Exporter:
         if not missing and is_dataclass(module.Options):
             return cast(Exporter, module)
         skip_plugin(found[name], EXPORTERS, f"has no {(*missing, 'dataclass Options')[0]}")
-    raise RecipeError(f"exporter {name!r} is installed but broken (see the warning above)")
+    why = "; ".join(skipped(found[name], EXPORTERS))
+    raise RecipeError(f"exporter {name!r} ({found[name].value}) is installed but broken: {why}")
 
 
 def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Record, shaped
+from terrain_forge.base import Array, DataError, Record, shaped
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north edge [m]."""
@@ -65,10 +65,10 @@ class Heightfield(Record):
         """Height [m] of the triangulated surface under points of the grid [m].
 
         Raises:
-            ValueError: if a point lies outside the grid.
+            DataError: if a point lies outside the grid.
         """
         if not np.all(self.covers(east, north)):
-            raise ValueError(f"point outside the grid (west, south, east, north: {self.bounds})")
+            raise DataError(f"point outside the grid (west, south, east, north: {self.bounds})")
         column = (np.asarray(east, np.float64) - self.origin[0]) / self.spacing
         row = (np.asarray(north, np.float64) - self.origin[1]) / self.spacing
         rows, columns = self.shape

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, Key, Pair, Positive, RecipeError, Spec, portable
+from terrain_forge.base import Array, Key, Pair, Positive, RecipeError, Spec, portable, returning
 from terrain_forge.paths.curves import Curve, trace
 
 Planar = Callable[[Array], Array]
@@ -23,10 +24,14 @@ _SAMPLES = 20_000
 class NamedShape(Spec):
     """A route of a known form, anywhere on the site.
 
-    A shape is a subclass with a field `kind` (a Literal with its default) and `outline`. It is
-    found if its module lies in `terrain_forge.paths.shapes` or is named by an entry point of the
-    group `terrain_forge.route_shapes`.
+    A shape is a subclass with a field `kind` (a Literal with its default); it must have
+    `outline`. It is found if its module lies in `terrain_forge.paths.shapes` or is named by an
+    entry point of the group `terrain_forge.route_shapes`.
     """
+
+    if TYPE_CHECKING:
+        kind: str
+        """Name of the shape, as a recipe writes it."""
 
     length_m: Positive | None = None
     """Length of the route [m]."""
@@ -40,6 +45,7 @@ class NamedShape(Spec):
     closed: ClassVar[bool] = True
     """Whether it ends where it begins."""
 
+    @abstractmethod
     def outline(self, key: Key) -> Curve:
         """The curve around the origin, its x axis pointing east; the key is the shape's place.
 
@@ -58,15 +64,18 @@ class NamedShape(Spec):
         if (self.length_m is None) == (self.size_m is None):
             found = "neither" if self.length_m is None else "both"
             raise RecipeError(f"one of length_m and size_m is needed, found {found}", key=key)
-        outline = self.outline(key)
         angle = math.radians(self.orientation_deg)
         cos, sin = math.cos(angle), math.sin(angle)
-        turned = portable.product(outline.position, np.array([[cos, sin], [-sin, cos]]))
-        return Curve(
-            position=turned + np.asarray(self.centre_m),
-            heading=outline.heading + angle,
-            turns=outline.turns,
-        )
+        allowed = "a Curve with at least two points, all finite"
+        with returning(self, f"route shape {self.kind!r}: outline", allowed):
+            outline = self.outline(key)
+            _require_curve(outline)
+            turned = portable.product(outline.position, np.array([[cos, sin], [-sin, cos]]))
+            return Curve(
+                position=turned + np.asarray(self.centre_m),
+                heading=outline.heading + angle,
+                turns=outline.turns,
+            )
 
     def smooth(
         self, curve: Planar, tangent: Planar, ends: tuple[float, float] = (0.0, 2.0 * np.pi)
@@ -90,6 +99,17 @@ class NamedShape(Spec):
                 f"{found:g} m leave no room for the shape's corners, more than {needed:.4g} m do",
                 key=(*key, given),
             )
+
+
+def _require_curve(outline: Curve) -> None:
+    if not isinstance(outline, Curve):
+        raise TypeError(f"found {type(outline).__name__}")
+    points = len(outline.position)
+    shapes = np.shape(outline.position), np.shape(outline.heading)
+    if points < 2 or shapes != ((points, 2), (points,)):
+        raise ValueError("found position and heading of shapes {} and {}".format(*shapes))
+    if not (np.isfinite(outline.position).all() and np.isfinite(outline.heading).all()):
+        raise ValueError("found numbers that are not finite")
 
 
 def pair(x: Planar, y: Planar) -> Planar:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, hint_at
 from terrain_forge.model import Exporter, exporter, options_adapter
+from terrain_forge.recipe.file import explained
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -71,7 +72,7 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
     except ValidationError as error:
         first = error.errors()[0]
         option = ".".join(map(str, first["loc"]))
-        message = f"option {option!r} of {kind}: {first['msg']}, found {first['input']!r}"
+        message = f"option {option!r} of {kind}: {explained(dict(first), first['loc'])}"
         if first["type"] == "unexpected_keyword_argument":
             allowed = sorted(field.name for field in fields(found.Options) if field.name != "kind")
             has = ", ".join(allowed) or "none"

@@ -35,6 +35,7 @@ MAX_RECIPE = 2**20
 """Bytes of a recipe."""
 MAX_DEPTH = 50
 """Mappings and lists within each other in a recipe."""
+_OCTAL = re.compile(r"[-+]?0[\d_]")
 MAX_DIGITS = 400
 """Digits of a whole number in a recipe."""
 _TOO_DEEP = f"mappings and lists are nested more than {MAX_DEPTH} deep"
@@ -156,14 +157,17 @@ def read_mapping(path: Path, *, what: str = "a recipe") -> tuple[dict[str, Any],
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
         problem = " ".join(str(error.problem or error.context).split())
+        problem += ": indent with spaces" * ("'\\t'" in problem)
         raise RecipeError(f"{path}{line}: not YAML: {problem}") from None
     except ReaderError as error:
-        number = text.count("\n", 0, error.position) + 1
+        character = chr(error.character) if isinstance(error.character, int) else ""
+        number = text.count("\n", 0, max(text.find(character), 0)) + 1
         raise RecipeError(f"{path}:{number}: not YAML: {error.reason}") from None
     except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
-        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {type(data).__name__}")
+        found = {type(None): "nothing", str: "a text", list: "a list"}.get(type(data), "a number")
+        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {found}")
     return data, lines
 
 
@@ -175,6 +179,11 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
     lines.setdefault(key, line)
     if str(node.tag) not in _PLAIN_TAGS:
         raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
+    if node.anchor is not None and id(node) not in seen:
+        raise RecipeError(_locate(path, lines, key, "YAML anchor: recipes are plain data"))
+    if str(node.tag).endswith(":int") and _OCTAL.match(node.value):
+        message = f"{node.value} may be read as octal: write it without the leading 0"
+        raise RecipeError(_locate(path, lines, key, message))
     if id(node) in seen:
         raise RecipeError(_locate(path, lines, key, "YAML alias: recipes are plain data"))
     if str(node.tag).endswith(":int") and len(node.value) > MAX_DIGITS:
@@ -252,9 +261,20 @@ def _locate(path: Path, lines: Lines, key: Key, message: str) -> str:
     known = key
     while known and known not in lines:
         known = known[:-1]
-    line, name = lines.get(known, ""), dotted(key)
+    line, name = _set_below(lines, key) or lines.get(known, ""), dotted(key)
     place = line if isinstance(line, str) and line else f"{path}:{line}".rstrip(":")
     return f"{place}: {name}: {message}" if name else f"{place}: {message}"
+
+
+def _set_below(lines: Lines, key: Key) -> int | str:
+    """What the command line has set below a key that is wrong by that, as by its `kind`."""
+    depths = [len(key) + 1] if key in lines else range(len(key) + 1, MAX_DEPTH)
+    told = (
+        line
+        for known, line in lines.items()
+        if isinstance(line, str) and known[: len(key)] == key and len(known) in depths
+    )
+    return next(told, "") if key else ""
 
 
 def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str:
@@ -263,7 +283,7 @@ def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str
     first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
     key = _real_key(data, first["loc"])
     there = [error for error in rest if _real_key(data, error["loc"]) == key]
-    message = _either([_message(dict(error), key) for error in (first, *there)])
+    message = _either([explained(dict(error), key) for error in (first, *there)])
     more = f" (and {len(rest) - len(there)} more)" if len(rest) > len(there) else ""
     return _locate(path, lines, key, message) + more
 
@@ -310,7 +330,8 @@ def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
     return tuple(key)
 
 
-def _message(error: dict[str, Any], key: Key) -> str:
+def explained(error: dict[str, Any], key: Key) -> str:
+    """What is wrong and what is allowed, of an error of pydantic's at a key."""
     found, context = error["input"], error.get("ctx", {})
     match error["type"]:
         case "unexpected_keyword_argument":

@@ -8,7 +8,7 @@ import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from terrain_forge.base import OutputError, RecipeError
+from terrain_forge.base import OutputError, RecipeError, StorageError
 
 _RECIPES, _SAMPLES = "terrain_forge.recipes", "terrain_forge.dtm_samples"
 _SAMPLE = re.compile(r"\.\./dtm_samples/([\w.-]+)")
@@ -38,7 +38,8 @@ def write_starter(directory: Path, name: str = "hello") -> Path:
 
     Raises:
         RecipeError: if there is no recipe of that name.
-        OutputError: if one of them is there already, or the folder cannot be written.
+        OutputError: if one of them is there already; a DTM may be, where it is the very same.
+        StorageError: if the folder cannot be written.
     """
     name = name.removesuffix(".yaml")
     if name not in starters():
@@ -46,15 +47,26 @@ def write_starter(directory: Path, name: str = "hello") -> Path:
     text = files(_RECIPES).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     samples = dict.fromkeys(_SAMPLE.findall(text))
     recipe = directory / f"{name}.yaml"
-    for path in (recipe, *(directory / sample for sample in samples)):
+    missing = [sample for sample in samples if not _is_there(directory / sample, sample)]
+    for path in (recipe, *(directory / sample for sample in missing)):
         if os.path.lexists(path):
-            raise OutputError(f"{path} exists already")
+            raise OutputError(f"{path} exists already: choose another folder")
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        for sample in samples:
+        for sample in missing:
             with as_file(files(_SAMPLES).joinpath(sample)) as source:
                 shutil.copyfile(source, directory / sample)
         recipe.write_text(_SAMPLE.sub(r"\1", text), encoding="utf-8")
+    except (FileExistsError, NotADirectoryError):
+        raise OutputError(f"{directory} is no folder: choose another") from None
     except OSError as error:
-        raise OutputError(f"{directory} cannot be written: {error.strerror}") from None
+        raise StorageError(f"{directory} cannot be written: {error.strerror}") from None
     return recipe
+
+
+def _is_there(path: Path, sample: str) -> bool:
+    """Whether a file is the sample, byte for byte."""
+    try:
+        return path.is_file() and path.read_bytes() == files(_SAMPLES).joinpath(sample).read_bytes()
+    except OSError:
+        return False

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from terrain_forge.base import Progress, RecipeError, hint_at, silent
 from terrain_forge.model import Sensor, World, options_adapter
-from terrain_forge.recipe import DatasetSpec
+from terrain_forge.recipe import DatasetSpec, explained
 from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.rocks import with_pebbles
 from terrain_forge.sensors import (
@@ -38,8 +38,8 @@ def checked(spec: DatasetSpec) -> DatasetSpec:
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(map(str, first["loc"]))
-        why = f"dataset.{field}: {first['msg']}, found {first['input']!r}"
-        raise RecipeError(why) from None
+        why = explained(dict(first), first["loc"])
+        raise RecipeError(f"dataset.{field}: {why}") from None
     return found
 
 

@@ -13,6 +13,7 @@ from .blocks import table as table
 from .evaluated import EVALUATE_STAGES as EVALUATE_STAGES
 from .evaluated import evaluate as evaluate
 from .evaluated import evaluate_maps as evaluate_maps
+from .page import section_types as section_types
 from .page import write_page as write_page
 from .page import write_report_page as write_report_page
 from .recorded.measures import picture_statistics as picture_statistics

@@ -35,6 +35,12 @@ _PREVIEW = (
 )
 
 
+@cache
+def section_types() -> tuple[type[Section], ...]:
+    """All kinds of sections, of ours and of other packages."""
+    return parts(Section, "terrain_forge.report.sections", SECTIONS)
+
+
 def write_report_page(
     world: World,
     directory: Path,
@@ -63,10 +69,9 @@ def write_report_page(
         TerrainForgeError: where Embree is missing, which takes the pictures.
     """
     built = Built(world, directory, exports, above, dataset)
-    found = parts(Section, "terrain_forge.report.sections", SECTIONS)
     sections = [
         {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}
-        for kind in sorted(found, key=attrgetter("place"))
+        for kind in sorted(section_types(), key=attrgetter("place"))
         if (blocks := _blocks(kind, built))
     ]
     # The colour of the body's ground, dark enough to read on white.

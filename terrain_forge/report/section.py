@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,6 +36,7 @@ class Section:
     place: ClassVar[int]
     """Sections stand in the order of their places."""
 
+    @abstractmethod
     def blocks(self, built: Built) -> Sequence[Block]:
         """Its parts, one below the other; none where there is nothing to say."""
         raise NotImplementedError

@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from math import exp, pi
+from math import exp, inf, pi
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Key, RecipeError, portable
+from terrain_forge.base import Array, DataError, Key, RecipeError, portable, returning
 from terrain_forge.model import RockLibrary, Table
 from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, crowding
 from terrain_forge.rocks.embedding.footprint import footprint
+from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (
     MAX_POPULATIONS,
@@ -172,9 +173,36 @@ def _check_names(rocks: RocksSpec) -> None:
             raise RecipeError(f"{times} {noun} are called {name!r}", key=("rocks", part))
 
 
+def _require_numbers(law: SizeLaw, low: float, high: float) -> None:
+    """Refuse a law of another package that does not answer with numbers.
+
+    Raises:
+        PluginError: naming the law and its method.
+    """
+    allowed = "numbers that are finite and fall with the diameter"
+    for method in (law.cumulative_number, law.cumulative_area):
+        with returning(law, f"size law {law.kind!r}: {method.__name__}", allowed):
+            more, less = (float(method(diameter)) for diameter in (low, high))
+            if not 0.0 <= more - less < inf:
+                raise ValueError(f"found {more:g} at {low:g} m, {less:g} at {high:g} m")
+    what, allowed = f"size law {law.kind!r}", "a variance that is finite and not negative"
+    with returning(law, f"{what}: cover_variance", allowed):
+        if not 0.0 <= (variance := float(law.cover_variance(low, high, 1.0))) < inf:
+            raise ValueError(f"found {variance:g}")
+    hashes = np.arange(1, 9, dtype=np.uint64) << np.uint64(60)
+    with returning(
+        law, f"{what}: sample", f"{len(hashes)} diameters between {low:g} and {high:g} m"
+    ):
+        drawn = law.sample(hashes, low, high)
+        inside = np.shape(drawn) == hashes.shape and (drawn >= low) & (drawn <= high * (1 + 1e-9))
+        if not np.all(inside):
+            raise ValueError(f"found {drawn}")
+
+
 def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
     law = population.size_frequency
     law.check((*key, "size_frequency"))
+    law.told()  # refused now, not when all is made
     (low, high), key = population.diameters, (*key, "diameter_m")
     if law.kind == "table" and law.smallest_known is not None and low < law.smallest_known:
         raise RecipeError(f"from {low:g} m, the table begins at {law.smallest_known:g} m", key=key)
@@ -183,6 +211,8 @@ def _check_sizes(population: PopulationSpec, size: Size, key: Key) -> None:
         raise RecipeError(
             f"smallest {low:g} m, largest {high:g} m: the largest must be larger", key=key
         )
+    if low < high:
+        _require_numbers(law, low, high)
     limit = 0.5 * min(size)
     if isinstance(population.arrangement, AroundCraters):
         craters = population.arrangement.craters

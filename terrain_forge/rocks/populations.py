@@ -20,6 +20,7 @@ from terrain_forge.base import (
     Spec,
     parts,
     portable,
+    returning,
 )
 from terrain_forge.model import Site, Window
 from terrain_forge.rocks.arrangement import Arrangement, Poisson
@@ -71,9 +72,11 @@ def largest_diameter(law: SizeLaw, area: float) -> float:
         return law.cumulative_number(portable.exp(log_diameter)) * area - 1.0
 
     low, high = portable.log(_RANGE)
-    if surplus(low) <= 0.0:
-        return 0.0
-    return float(portable.exp(brentq(surplus, low, high, xtol=1e-14)))
+    what = f"size law {law.kind!r}: cumulative_number"
+    with returning(law, what, "numbers that are finite and fall with the diameter"):
+        if surplus(low) <= 0.0:
+            return 0.0
+        return float(portable.exp(brentq(surplus, low, high, xtol=1e-14)))
 
 
 @dataclass(frozen=True, kw_only=True)

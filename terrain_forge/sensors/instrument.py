@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -61,7 +62,9 @@ class Stream:
 class Instrument:
     """Measures for one sensor; any measurement alone is the same as that of the whole recording.
 
-    A kind of sensor that can be recorded has a subclass with its `kind`, found by the registry.
+    A kind of sensor that can be recorded has a subclass of `Frames` or `Series` with its `kind`,
+    found by the registry. It must have a `folder`, `streams`, `calibration`, and `measure` or
+    `samples`.
     """
 
     kind: ClassVar[str]
@@ -111,10 +114,12 @@ class Instrument:
         """The instruments that a recording has folders of: itself, or those that it consists of."""
         return (self,)
 
+    @abstractmethod
     def streams(self) -> tuple[Stream, ...]:
         """What it writes."""
         raise NotImplementedError
 
+    @abstractmethod
     def calibration(self) -> dict[str, Any]:
         """What a reader must know of the sensor, as plain data in SI units."""
         raise NotImplementedError
@@ -130,6 +135,7 @@ class Instrument:
 class Frames(Instrument):
     """An instrument that measures now and then, each measurement files of its own."""
 
+    @abstractmethod
     def measure(self, number: int) -> dict[str, bytes]:
         """The files of a measurement by the names of their streams."""
         raise NotImplementedError
@@ -138,6 +144,7 @@ class Frames(Instrument):
 class Series(Instrument):
     """An instrument whose measurements are the rows of one table."""
 
+    @abstractmethod
     def samples(self) -> dict[str, Array]:
         """All samples: columns by their names, in the order of `times`, shape [measurements]."""
         raise NotImplementedError

@@ -97,7 +97,7 @@ def _require_above(sensor: Sensor, setting: Setting) -> None:
     motion, world = setting.motion, setting.world
     count = min(int(motion.end / _STEP) + 2, _MOST)
     times = np.linspace(0.0, motion.end, count)
-    places = Instrument(sensor, setting).state(times).position
+    places = Instrument(sensor, setting).state(times).position  # type: ignore[abstract]
     ground = setting.scenery.height_at(places[:, 0], places[:, 1])
     depth = ground - places[:, 2]
     if (worst := int(np.argmax(depth))) >= 0 and depth[worst] > 0.0:

@@ -118,7 +118,8 @@ def take_sweep(setting: Setting, lidar: LidarSensor, number: int) -> Sweep:
 def deskewed_points(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> Array:
     """The points of a sweep in the world [m], each moved by the exact pose at its own time."""
     times, which = np.unique(sweep.time, return_inverse=True)
-    state = Instrument(lidar, setting).state(1e-9 * sweep.begin + times.astype(np.float64))
+    moments = 1e-9 * sweep.begin + times.astype(np.float64)
+    state = Instrument(lidar, setting).state(moments)  # type: ignore[abstract]
     turned = (state.rotation[which] * sweep.points[:, None, :]).sum(axis=-1)
     return np.asarray(state.position[which] + turned)
 
@@ -144,7 +145,7 @@ def _course(setting: Setting, lidar: LidarSensor, begin: int, columns: Array) ->
     lasts = float(columns[-1, 0])
     count = max(2, math.ceil(lasts / _STEP) + 1)
     times = 1e-9 * begin + np.linspace(0.0, lasts, count)
-    instrument = Instrument(lidar, setting)
+    instrument = Instrument(lidar, setting)  # type: ignore[abstract]
     origin = setting.scenery.scene.origin
     states = (instrument.state(times), setting.motion.base.at(times))
     nodes, slopes = (

@@ -13,7 +13,7 @@ from typing import Any
 
 from terrain_forge.base import OutputError, RecipeError
 from terrain_forge.evaluation import Adapter
-from terrain_forge.recipe import RecipeFile, input_paths, recipe_json
+from terrain_forge.recipe import RecipeFile, explained, input_paths, recipe_json
 from terrain_forge.recipe import sha256 as digest_of
 from terrain_forge.studies.factors import RECIPE, RECORD, Base, Factor, Level, factors_of, seeds_of
 from terrain_forge.studies.spec import RecordSpec, StudyFile
@@ -133,7 +133,8 @@ def _record(file: StudyFile, levels: Mapping[str, Level]) -> RecordSpec:
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"]))
             place = file.place("study", name)
-            raise RecipeError(f"{place}: {name}: {RECORD}{key}: {first['msg']}") from None
+            why = explained(dict(first), first["loc"])
+            raise RecipeError(f"{place}: {name}: {RECORD}{key}: {why}") from None
     return spec
 
 

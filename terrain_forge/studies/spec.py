@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Key, RecipeError, Spec, hint_at
 from terrain_forge.evaluation import Adapter, ScoreOptions, find_system, with_binaries
-from terrain_forge.recipe import read_mapping
+from terrain_forge.recipe import explained, read_mapping
 
 Seeds = Annotated[int, Interval(ge=1, le=10_000)] | Annotated[tuple[int, ...], MinLen(1)]
 
@@ -123,7 +123,7 @@ def read_study(path: Path | str) -> StudyFile:
         first = error.errors()[0]
         key = tuple(first["loc"])
         file = StudyFile(path=path, spec=None, lines=lines, systems=())  # type: ignore[arg-type]
-        told = first["msg"].removeprefix("Input should be ")
+        told = explained(dict(first), key)
         if "unexpected" in first["type"]:
             known = list(vars(StudySpec(systems=("x",))))
             told = f"unknown key{hint_at(str(key[-1]), known)}, there are: {', '.join(known)}"

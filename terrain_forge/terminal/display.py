@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 
+_NARROW = 60
+"""Columns of a terminal below which the line leaves out the bar, so that its stage can be read."""
+
+
 class Display:
     """Shows the stages of some work on the error stream, from `with` to its end.
 
@@ -153,13 +157,14 @@ def _bar(display: Display) -> Bar:
             more = f", {clock(left)} left" if left is not None and left >= 1.0 else ""
             return Text(f"{clock(display.elapsed)}{more}")
 
+    console = Console(stderr=True, highlight=False)
     stage = Column(ratio=1, no_wrap=True, overflow="ellipsis")
     return Progress(
         TextColumn("{task.description}", table_column=stage, markup=False),
-        BarColumn(bar_width=20),
+        *([BarColumn(bar_width=20)] if console.width >= _NARROW else []),
         TextColumn("{task.percentage:>3.0f} %"),
         Clock(table_column=Column(no_wrap=True)),
-        console=Console(stderr=True, highlight=False),
+        console=console,
         refresh_per_second=4,
         transient=True,
         expand=True,

@@ -7,13 +7,14 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import EntryPoint, PackageNotFoundError, version
 from pathlib import Path
 
 from terrain_forge import __version__
-from terrain_forge.base import size_text
+from terrain_forge.base import size_text, skipped, their_plugins
 
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "pydantic", "embreex", "mujoco", "usd-core"),
@@ -36,8 +37,12 @@ _PYTHONS = {
 _GAZEBO_LIBRARIES = "sdformat12"
 
 
-def doctor_lines() -> Iterator[str]:
-    """The lines; what cannot be found out is said in its place."""
+def doctor_lines(also: Sequence[Callable[[], object]] = ()) -> Iterator[str]:
+    """The lines; what cannot be found out is said in its place.
+
+    Args:
+        also: Finders of parts in rooms above this one.
+    """
     yield f"terrain-forge  {__version__}, {Path(__file__).parents[1]}"
     yield f"Python         {platform.python_version()}, {sys.executable}"
     yield f"system         {platform.platform()}, {platform.machine()}"
@@ -53,6 +58,11 @@ def doctor_lines() -> Iterator[str]:
     yield "exporters"
     for name in _exporters():
         yield f"  {name:<12} {_told(partial(_exporter, name))}"
+    if others := their_plugins():
+        yield "parts of other packages"
+        _find_all(also)
+        for what, point in others:
+            yield f"  {what + ' ' + point.name:<24} {_part(point)}"
     yield "programs that open or check exports"
     for name, programs in _PROGRAMS.items():
         found = next(filter(None, map(shutil.which, programs)), "")
@@ -137,6 +147,30 @@ def _exporter(name: str) -> str:
 
     readers = [reader.name for reader in getattr(exporter(name), "CONSUMERS", ())]
     return f"works; read back by {', '.join(readers)}" if readers else "works"
+
+
+def _find_all(also: Sequence[Callable[[], object]]) -> None:
+    """Look for parts of every kind, which judges those of other packages."""
+    from terrain_forge.datasets import dataset_kinds
+    from terrain_forge.evaluation import known_systems
+    from terrain_forge.recipe import json_schema  # brings layers, laws, shapes, bodies, rovers
+    from terrain_forge.sensors import instrument_kinds
+    from terrain_forge.validation import inspections
+
+    finders: list[Callable[[], object]] = [json_schema, inspections, instrument_kinds]
+    finders += [dataset_kinds, known_systems, *also]
+    for find in finders:
+        with suppress(Exception):  # the lines say of each part whether it works
+            find()
+    for name in _exporters():
+        with suppress(Exception):
+            _exporter(name)
+
+
+def _part(point: EntryPoint) -> str:
+    """Whether a plugin works, where it is, and why not."""
+    why = "; ".join(skipped(point, point.group))
+    return f"not working ({point.value}): {why}" if why else f"works ({point.value})"
 
 
 def _python(module: str, variable: str) -> str:

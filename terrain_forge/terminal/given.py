@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 
 from terrain_forge.base import Progress, RecipeError, TerrainForgeError
 from terrain_forge.dtm import ARRAYS, RasterDtm, at_hand, fetch_product, file_to_open
@@ -68,5 +69,6 @@ def _refuse_raster(path: Path) -> None:
     name = file_to_open(path).name
     raise RecipeError(
         f"{path}: this is a raster, no recipe: write one with dtm: {{source: {name}, size_m: [40, "
-        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {name}` describes it"
+        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {quote(name)}` "
+        "describes it"
     )

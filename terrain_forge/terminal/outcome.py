@@ -6,12 +6,13 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
-from terrain_forge.base import OutputError, size_text
+from terrain_forge.base import OutputError, StorageError, size_text
 from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
@@ -32,7 +33,7 @@ def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
     """Say what a build made and how it is looked at."""
     if isinstance(result, TiledResult):
         say(f"{out}: {progress_figures(result)}, in {time_text(seconds)}")
-        say(f"  look at it: terrain-forge view {click.format_filename(out)}")
+        say(f"  look at it: terrain-forge view {quote(click.format_filename(out))}")
         return
     world = result.world
     if result.removed:
@@ -43,7 +44,7 @@ def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
         f"  {_count(len(world.field), 'rock')}, {_count(len(world.trajectories), 'path')}, "
         f"{kinds or 'no export'}: {size_text(_size(out))} in {time_text(seconds)}"
     )
-    say(f"  look at it: terrain-forge view {click.format_filename(out)}")
+    say(f"  look at it: terrain-forge view {quote(click.format_filename(out))}")
     tell_openings(out, result.exports)
 
 
@@ -69,6 +70,7 @@ def require_preview(picture: Path) -> None:
 
     Raises:
         OutputError: says what is there.
+        StorageError: if its folder cannot be written.
     """
     if picture.suffix.lower() != ".png":
         raise OutputError(f"{picture}: a preview is a .png")
@@ -80,6 +82,8 @@ def require_preview(picture: Path) -> None:
             ours = b"tEXtSoftware\0" + _PREVIEW.encode() in file.read(256)
     if not ours:
         raise OutputError(f"{picture} is there and is no preview: it is not overwritten")
+    if not os.access(picture.parent, os.W_OK):
+        raise StorageError(f"{picture} cannot be written: its folder is read-only")
 
 
 def tell_preview(world: World, picture: Path) -> None:
@@ -106,8 +110,8 @@ def tell_recording(result: Recorded, seconds: float) -> None:
     """Say what was recorded, and what of it is new."""
     streams = ", ".join(f"{name} {count:,}" for name, count in result.streams.items())
     say(f"{result.folder}: {streams}")
-    made = _count(result.made, "new measurement")
-    say(f"  {size_text(result.size)}, {made} in {time_text(seconds)}")
+    made = f"{_count(result.made, 'new measurement')} in files of their own, tables anew,"
+    say(f"  {size_text(result.size)}: {made} in {time_text(seconds)}")
 
 
 def tell_openings(out: Path, exports: Sequence[Export]) -> None:
@@ -130,7 +134,8 @@ def show_report(out: Path, *, opened: bool) -> None:
         read_manifest(out)
     page = (out / "report.html").absolute()
     if not page.is_file():
-        raise OutputError(f"{out} has no report page; `terrain-forge validate {out}` makes it")
+        command = f"terrain-forge validate {quote(str(out))}"
+        raise OutputError(f"{out} has no report page; `{command}` makes it")
     say(str(page))
     if opened and not _opened(page):
         say("no browser could be opened here: open that file in one")

@@ -1,7 +1,7 @@
 """Running a command line: interrupts, and the exit status and line of each error.
 
 Exit status: 0 done; 1 built but a validation check failed; 2 the input is wrong; 3 the disk or
-the system refused, or an internal error; 130 interrupted.
+the system refused, code of another package failed, or an internal error; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -9,17 +9,20 @@ from __future__ import annotations
 import ctypes
 import errno
 import gc
+import io
 import os
 import signal
 import sys
 import traceback
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
 
 from terrain_forge.base import (
+    PluginError,
     SimulationError,
     StorageError,
     TerrainForgeError,
@@ -32,6 +35,7 @@ FAILED_CHECK, WRONG_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 _STATUS = {
     SimulationError: FAILED_CHECK,
     StorageError: INTERNAL,
+    PluginError: INTERNAL,
     TerrainForgeError: WRONG_INPUT,
     OSError: INTERNAL,
 }
@@ -60,6 +64,12 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         why = str(error) or str(error.__cause__ or "")  # click's has what we raised as its cause
         say(f"interrupted, {why or 'nothing was left behind'}", err=True)
         return INTERRUPTED
+    except UnicodeEncodeError as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        why = f"the locale's encoding, {sys.getfilesystemencoding()}, has no {error.object!r}"
+        say(f"terrain-forge: {ascii(why)[1:-1]}: set PYTHONUTF8=1 or a UTF-8 locale", err=True)
+        return INTERNAL
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:
             traceback.print_exc()
@@ -85,13 +95,30 @@ def run_process(command: click.Command) -> None:
     it was handled.
     """
     sys.unraisablehook, sys.excepthook = _tell_unraisable, _tell_uncaught
+    _open_streams()
     status = run_command(command, sys.argv[1:])
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    with suppress(BrokenPipeError):
-        sys.stdout.flush()
-        sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # nobody reads it any more
+            stream.flush()
     os._exit(status)
+
+
+def _open_streams() -> None:
+    """Open the standard streams that were closed, and let any name be shown.
+
+    Else the next files that are opened took their numbers, and what C libraries complain of.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open("w" if number else "r", encoding="utf-8")
+            with suppress(OSError):
+                os.set_inheritable(number, stream.fileno() == number)
+            setattr(sys, name, stream)
+    for shown in (sys.stdout, sys.stderr):
+        if isinstance(shown, io.TextIOWrapper):
+            shown.reconfigure(errors="backslashreplace")
 
 
 def _share_one_heap() -> None:

@@ -16,6 +16,7 @@ from terrain_forge.base import (
     kernel,
     linear_from_srgb,
     over_chunks,
+    returning,
     srgb_from_linear,
     stage_key,
 )
@@ -240,9 +241,15 @@ def _brightness(
     """What the layers multiply the linear colour by, of each node, or of all if shape [1, 1]."""
     product = np.ones((1, 1))
     for layer in layers:
-        factor = layer.brightness(site=site, window=window)
-        if factor is None:
-            continue
+        what = f"layer {layer.kind!r}: brightness"
+        with returning(layer, what, "None, or a factor of at least 0 for each node"):
+            factor = layer.brightness(site=site, window=window)
+            if factor is None:
+                continue
+            if np.shape(factor) != (window.rows + 1, window.columns + 1):
+                raise ValueError(f"found shape {np.shape(factor)}")
+            if not (np.isfinite(factor).all() and factor.min() >= 0.0):
+                raise ValueError("found numbers that are negative or not finite")
         if layer.mask is not None:
             around = site.padded(window, layer.mask.reach(site))
             column, row = _first_node(site, around, ground)

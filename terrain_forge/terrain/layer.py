@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +25,16 @@ Beyond = Callable[[Array, Array, float], Array]
 class Layer(Spec):
     """One step of the ground: a spec with the relief that it adds.
 
-    A subclass has a field `kind` (a Literal with its default) and is found if its module lies in
-    `terrain_forge.terrain.layers` or is named by an entry point of the group
-    `terrain_forge.layers`. A field that names a file is marked, as in
+    A subclass has a field `kind` (a Literal with its default) and must have `relief`. It is
+    found if its module lies in `terrain_forge.terrain.layers` or is named by an entry point of the
+    group `terrain_forge.layers`. A field that names a file is marked, as in
     `image: Annotated[str, InputFile(kind="image")]`; `site.image(self.image)` then has what was
     read, and `site.table(…)` a table.
     """
+
+    if TYPE_CHECKING:
+        kind: str
+        """Name of the layer, as a recipe writes it."""
 
     mask: Mask | None = None
     """Where the layer applies; without it, everywhere."""
@@ -44,6 +50,7 @@ class Layer(Spec):
         """How far around a node its relief depends on the ground so far [m]."""
         return 0.0
 
+    @abstractmethod
     def relief(
         self, *, site: Site, window: Window, elevation: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -150,7 +150,7 @@ class _Sum:
         law = self.spec.size_frequency
         return {
             "name": self.spec.name,
-            "law": law.report(),
+            "law": law.told(),
             "fit_to_counts": law.fit_to_counts(*self.spec.diameters),
             "arrangement": self.spec.arrangement.kind,
             "effective_area_m2": self.wanted.expectation.area,

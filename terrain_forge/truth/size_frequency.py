@@ -134,7 +134,7 @@ def size_frequency(
 
 
 def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) -> dict[str, Any]:
-    field, law = sample.select([spec.name]), spec.size_frequency.report()
+    field, law = sample.select([spec.name]), spec.size_frequency.told()
     known, (smallest, _) = spec.size_frequency.smallest_known, spec.diameters
     if known is not None and smallest < known:
         law = {**law, "extrapolated_below_m": known}

@@ -40,4 +40,5 @@ from .table import report_text as report_text
 from .table import table_rows as table_rows
 from .tracks import table_columns as table_columns
 from .tracks import track_of as track_of
+from .verdict import inspections as inspections
 from .verdict import validate as validate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,7 +62,7 @@ def read_json(file: Path) -> dict[str, Any]:
 class Inspection:
     """Checks one thing of a built world; what it keeps of that, its other methods tell.
 
-    A subclass has a `kind`, which no other has, and a `group`.
+    A subclass must have a `kind`, which no other has, and `checks`; it should have a `group`.
     """
 
     kind: ClassVar[str]
@@ -69,12 +70,16 @@ class Inspection:
     group: ClassVar[str] = ""
     """Where its checks stand in the report."""
 
+    @abstractmethod
     def checks(self, built: BuiltFolder) -> Iterable[Check]:
-        """The checks; one that fails is a result, not an error."""
+        """The checks; one that fails is a result, not an error.
+
+        One whose figure or limit is not finite has failed.
+        """
         raise NotImplementedError
 
     def report(self) -> dict[str, Any]:
-        """More parts of report.json, by name."""
+        """More parts of report.json, by names that are not taken, as JSON can hold them."""
         return {}
 
     def timings(self) -> tuple[tuple[str, float], ...]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_js
 
 GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
 """The order of the groups; those of other packages' checks follow."""
+_TAKEN = {"format", "world", "verdict", "passed", "checks", "terrain"}
+"""Keys of report.json that are our own."""
 _EXPORTED = "validation/mjcf/", "validation/consumers/"
 """What a validation exports and keeps for itself."""
 
@@ -98,11 +101,14 @@ def validate(
     found = [
         c.replace(group=c.group or one.group) for one in made for c in _checks(one, built, progress)
     ]
+    more: dict[str, Any] = {}
+    for one in made:
+        found += _reported(one, more)
     order = {group: place for place, group in enumerate(GROUPS)}
     checks = tuple(sorted(found, key=lambda check: order.get(check.group, len(order))))
     _remove(directory, [name for name in earlier if name not in exported])
     folder.mkdir(exist_ok=True)
-    files = _write(built, folder, checks, made)
+    files = _write(built, folder, checks, made, more)
     return ValidationResult(
         checks=checks,
         drive=next(one.drive for one in made if isinstance(one, Drives)),
@@ -129,12 +135,46 @@ def _checks(
         built = replace(built, progress=partial(progress, inspection.kind))
         progress(inspection.kind, 0.0)
     try:
-        return list(inspection.checks(built))
+        return list(map(_judged, inspection.checks(built)))
     except Exception as error:
-        if type(inspection).__module__.startswith("terrain_forge."):
-            raise
-        why = " ".join(str(error).split()) or type(error).__name__
-        return [failed(f"{inspection.kind}: check", f"cannot be made: {why}")]
+        return [_at_fault(inspection, "check", error)]
+
+
+def _judged(check: Check) -> Check:
+    """A check as JSON can hold it; one with a number that is none has failed."""
+    if not isinstance(check, Check):
+        raise TypeError(f"found {type(check).__name__}, not a Check")
+    numbers = {name: getattr(check, name) for name in ("figure", "limit")}
+    plain = {name: None if one is None else float(one) for name, one in numbers.items()}
+    odd = [
+        f"{name} {one:g}" for name, one in plain.items() if one is not None and not isfinite(one)
+    ]
+    if odd:
+        note = f"{' and '.join(odd)}, not finite{'; ' * bool(check.note)}{check.note}"
+        return failed(check.name, note).replace(group=check.group)
+    return check.replace(**plain, passed=bool(check.passed))
+
+
+def _reported(inspection: Inspection, more: dict[str, Any]) -> list[Check]:
+    """Add what an inspection reports; one of another package that cannot be added has failed."""
+    try:
+        told = inspection.report()
+        json.dumps(told, allow_nan=False)
+        if taken := [key for key in told if key in more or key in _TAKEN]:
+            raise ValueError(f"{', '.join(taken)} of validation/report.json is another's")
+        more |= told
+    except Exception as error:
+        return [_at_fault(inspection, "report", error).replace(group=inspection.group)]
+    return []
+
+
+def _at_fault(inspection: Inspection, what: str, error: Exception) -> Check:
+    """A check that says what is wrong with one of another package; an error of ours goes on."""
+    module = type(inspection).__module__
+    if module.startswith("terrain_forge."):
+        raise error
+    why = " ".join(str(error).split()) or type(error).__name__
+    return failed(f"{inspection.kind}: {what}", f"cannot be made ({module}): {why}")
 
 
 def _remove(directory: Path, names: Sequence[str]) -> None:
@@ -164,7 +204,11 @@ def _with_mjcf(
 
 
 def _write(
-    built: BuiltFolder, folder: Path, checks: tuple[Check, ...], made: list[Inspection]
+    built: BuiltFolder,
+    folder: Path,
+    checks: tuple[Check, ...],
+    made: list[Inspection],
+    more: dict[str, Any],
 ) -> list[Path]:
     """Write the report, the ground's statistics, and what else the checks have."""
     from terrain_forge.terrain import write_terrain_figure
@@ -178,9 +222,8 @@ def _write(
         "passed": passed,
         "checks": [vars(check) for check in checks],
         "terrain": statistics.as_json(),
+        **more,
     }
-    for one in made:
-        report |= one.report()
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False)
     files = [folder / "report.json", folder / "terrain.png"]
     files[0].write_text(text + "\n", encoding="utf-8")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from abc import abstractmethod
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, Spec
+from terrain_forge.base import Array, Key, RecipeError, Spec, returning
 from terrain_forge.model import Body
 
 
@@ -16,9 +18,10 @@ from terrain_forge.model import Body
 class SizeLaw(Spec):
     """How many rocks of which exposed diameter D [m] lie on a square metre.
 
-    A law is a subclass with a field `kind` (a Literal with its default): its closed forms and its
-    exact sampler. It is found if its module lies in `terrain_forge.rocks.laws` or is named by an
-    entry point of the group `terrain_forge.size_laws`.
+    A law is a subclass with a field `kind` (a Literal with its default). It must have the closed
+    forms `cumulative_number`, `cumulative_area` and `cover_variance` and the exact sampler
+    `sample`; the rest may stay. It is found if its module lies in
+    `terrain_forge.rocks.laws` or is named by an entry point of the group `terrain_forge.size_laws`.
     """
 
     if TYPE_CHECKING:
@@ -30,10 +33,12 @@ class SizeLaw(Spec):
         """Least diameter [m] that the law speaks of; None if it goes on to ever smaller rocks."""
         return None
 
+    @abstractmethod
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²], rocks larger than each diameter on a square metre."""
         raise NotImplementedError
 
+    @abstractmethod
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D), part of the ground that rocks larger than each diameter cover.
 
@@ -41,6 +46,7 @@ class SizeLaw(Spec):
         """
         raise NotImplementedError
 
+    @abstractmethod
     def cover_variance(self, smallest: float, largest: float, area: float) -> float:
         """Variance of the cover that rocks between two diameters [m] have on an area [m²].
 
@@ -48,6 +54,7 @@ class SizeLaw(Spec):
         """
         raise NotImplementedError
 
+    @abstractmethod
     def sample(self, hashes: NDArray[np.uint64], smallest: float, largest: float) -> Array:
         """Diameters [m] drawn between two diameters [m], one by each hashed address."""
         raise NotImplementedError
@@ -90,5 +97,20 @@ class SizeLaw(Spec):
             raise RecipeError(f"{self.kind} needs {wanted}, found {found}", key=key)
 
     def report(self) -> dict[str, Any]:
-        """The law in plain numbers, sources and fits resolved, as JSON can hold it."""
+        """The law in plain numbers, sources and fits resolved, as JSON can hold it.
+
+        Where a law leaves out `kind`, it is added (`told`).
+        """
         return asdict(self)
+
+    def told(self) -> dict[str, Any]:
+        """The report, with the law's kind.
+
+        Raises:
+            PluginError: if a law of another package reports what JSON cannot hold.
+        """
+        what = f"size law {self.kind!r}: report"
+        with returning(self, what, "a dict that JSON can hold"):
+            plain = {"kind": self.kind, **self.report()}
+            json.dumps(plain, allow_nan=False)
+        return plain

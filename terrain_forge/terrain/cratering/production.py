@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -108,8 +109,9 @@ class CraterProduction(Spec):
     """How many craters a surface has gathered, or shows.
 
     But for the functions of the bodies, a law is a subclass with a field `kind` (a Literal with its
-    default). It is found if its module lies in `terrain_forge.terrain.cratering.productions` or is
-    named by an entry point of the group `terrain_forge.crater_productions`.
+    default); it must have `law`. It is found if its module lies in
+    `terrain_forge.terrain.cratering.productions` or is named by an entry point of the group
+    `terrain_forge.crater_productions`.
     """
 
     if TYPE_CHECKING:
@@ -137,6 +139,7 @@ class CraterProduction(Spec):
         """How the number of craters has grown with time."""
         return body.craters.chronology
 
+    @abstractmethod
     def law(self, body: Body) -> Counted:
         """The number of craters after the whole age."""
         raise NotImplementedError

@@ -150,12 +150,15 @@ GROUND = "terrain: {spacing_m: 1}\n"
     [
         ("name: !!python/object/apply:os.system [ls]", ["tag", "plain data"]),
         ("name: !mine x", ["tag"]),
-        ("a: &a [1]\nb: *a", ["alias"]),
+        ("a: &a [1]\nb: *a", ["anchor"]),
+        ("seed: &a 42", [":1: seed: YAML anchor"]),
         ("name: [", ["not YAML"]),
+        ("dtm:\n\tkind: flat", [":2: not YAML", "indent with spaces"]),
+        ("name: a\nbody: moon\nseed: 1\nx: \x07", [":4: not YAML"]),
         ("name: a\nname: b", ["duplicate", ":2"]),
-        ("- 1", ["mapping"]),
-        ("", ["mapping"]),
-        ("just text", ["mapping"]),
+        ("- 1", ["mapping", "found a list"]),
+        ("", ["mapping", "found nothing"]),
+        ("just text", ["mapping", "found a text"]),
         (f"{BEGINNING}{GROUND}dtm:\n", ["dtm", "a mapping", "nothing"]),
         (f"{BEGINNING}{GROUND}dtm: [1]\n", ["dtm", "a mapping", "[1]"]),
         (f"{FLAT}terrain: 3\n", ["terrain", "a mapping", "3"]),
@@ -174,6 +177,8 @@ def test_recipes_are_plain_data_and_mappings(tmp_path, text, words):
 
 def test_file_that_is_missing_or_binary(tmp_path):
     assert "no such file" in complaint(tmp_path / "none.yaml")
+    write(tmp_path).rename(tmp_path / "gale_floor.yaml")
+    assert complaint(tmp_path / "gale_flor.yaml").endswith("(did you mean 'gale_floor.yaml'?)")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00\x80")
     assert "text" in complaint(tmp_path / "binary.yaml")
     assert str(tmp_path) in complaint(tmp_path)
@@ -195,6 +200,8 @@ def test_changes_of_the_command_line(tmp_path):
         ("seed=[1", "the value is not YAML: expected ',' or ']'"),
         ("body=mras", r"""body: must be .*, found "mras" \(did you mean 'mars'\?\)"""),
         ("rocks.populations.1.name=3", r"rocks\.populations\[1\]\.name: must be"),
+        ("rocks.populations.1.size_frequency.kind=golombk", r"rocks.*unknown kind 'golombk'"),
+        ("terrian.spacing_m=0.2", r"terrian: unknown key 'terrian'"),
     ):
         with pytest.raises(RecipeError, match=f"^--set {re.escape(change)}: {wrong}"):
             load_recipe(path, changes=("seed=3", change))

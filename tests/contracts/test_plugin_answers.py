@@ -1,0 +1,174 @@
+"""What the parts of other packages return: judged where it comes in, told in one line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.helpers.command_line import run
+from tests.helpers.plugins import fresh, install
+
+POINTS = """[terrain_forge.exporters]
+silent = odd_exporter
+gone = gone_exporter
+[terrain_forge.layers]
+odd = odd_layer
+typo = typo_layer
+[terrain_forge.size_laws]
+odd = odd_law
+[terrain_forge.route_shapes]
+odd = odd_shape
+[terrain_forge.checks]
+odd = odd_check
+[terrain_forge.layer]
+misnamed = odd_layer
+"""
+HEAD = """from dataclasses import dataclass
+from typing import Literal
+import numpy as np
+"""
+SPEC = "@dataclass(frozen=True, kw_only=True)\n"
+MODULES = {
+    "gone_exporter.py": "import a_module_that_nobody_has\n",
+    "odd_exporter.py": HEAD
+    + "from terrain_forge.base import Spec\n"
+    + SPEC
+    + "class Options(Spec): pass\n"
+    + "def export(world, directory, *, options): (directory / 'a').write_text('a')\n",
+    "typo_layer.py": HEAD
+    + "from terrain_forge.terrain import Layer\n"
+    + SPEC
+    + "class Typo(Layer):\n    kind: Literal['typo'] = 'tpyo'\n"
+    + "    def relief(self, **_): return 0.0\n",
+    "odd_layer.py": HEAD
+    + "from terrain_forge.terrain import Layer\n"
+    + SPEC
+    + "class Odd(Layer):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'nan'\n"
+    + "    def relief(self, *, site, window, elevation):\n"
+    + "        return {'nan': np.full_like(elevation, np.nan), 'none': None,\n"
+    + "                'shape': np.ones((2, 2)), 'ok': elevation}[self.what]\n"
+    + "    def brightness(self, *, site, window): return np.ones((2, 2))\n",
+    "odd_law.py": HEAD
+    + "from terrain_forge.rocks import SizeLaw\n"
+    + SPEC
+    + "class Odd(SizeLaw):\n    kind: Literal['odd'] = 'odd'\n    wrong: str = ''\n"
+    + "    def cumulative_number(self, d):\n"
+    + "        return np.asarray(d) * np.nan if self.wrong == 'number' else 1e-2 / np.asarray(d)\n"
+    + "    def cumulative_area(self, d): return 0.01 * np.exp(-np.asarray(d))\n"
+    + "    def cover_variance(self, smallest, largest, area): return 1e-4 / area\n"
+    + "    def sample(self, hashes, smallest, largest):\n"
+    + "        return None if self.wrong == 'sample' else np.full(len(hashes), smallest)\n"
+    + "    def report(self):\n"
+    + "        return {'rate': np.inf} if self.wrong == 'report' else {'rate': 1.0}\n",
+    "odd_shape.py": HEAD
+    + "from terrain_forge.paths import NamedShape\n"
+    + SPEC
+    + "class Odd(NamedShape):\n    kind: Literal['odd'] = 'odd'\n"
+    + "    def outline(self, key): return None\n",
+    "odd_check.py": "from terrain_forge.model import at_most\n"
+    + "from terrain_forge.validation import Inspection\n"
+    + "class Nan(Inspection):\n    kind = 'odd'\n    group = 'ground'\n"
+    + "    def checks(self, built):\n"
+    + "        yield at_most('odd: figure', float('nan'), 1.0, unit='m')\n"
+    + "    def report(self): return {'odd': {'mean': float('nan')}}\n"
+    + "class Thief(Nan):\n    kind = 'thief'\n"
+    + "    def checks(self, built): return ()\n"
+    + "    def report(self): return {'checks': [], 'more': 1}\n"
+    + "class None_(Nan):\n    kind = 'none'\n"
+    + "    def checks(self, built): return None\n"
+    + "    def report(self): return {'kept': 1}\n",
+}
+RECIPE = """
+schema: 1
+name: odd
+body: moon
+dtm: {kind: flat, size_m: [6, 4]}
+terrain: {spacing_m: 0.25, layers: [LAYERS]}
+rocks: {library: {shapes: 1}, populations: [ROCKS]}
+paths: [PATHS]
+exports: [EXPORTS]
+"""
+ROCKS = "{name: a, size_frequency: {kind: odd, wrong: WRONG}, diameter_m: [0.2, 0.4]}"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    return install(tmp_path_factory.mktemp("site"), "odd", POINTS, MODULES)
+
+
+def build(folder, **parts):
+    text = RECIPE
+    for name in ("layers", "rocks", "paths", "exports"):
+        text = text.replace(name.upper(), parts.get(name, ""))
+    path = folder / "odd.yaml"
+    path.write_text(text)
+    return run("build", path, "-o", folder / "out")
+
+
+def _rocks(wrong):
+    return {"rocks": ROCKS.replace("WRONG", wrong)}
+
+
+REFUSED = [
+    ({"layers": "{kind: odd}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
+    ({"layers": "{kind: odd, what: none}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
+    ({"layers": "{kind: odd, what: shape}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
+    ({"layers": "{kind: odd, what: ok}"}, "layer 'odd': brightness (odd_layer)"),
+    (_rocks("number"), "size law 'odd': cumulative_number (odd_law)"),
+    (_rocks("sample"), "size law 'odd': sample (odd_law)"),
+    (_rocks("report"), "size law 'odd': report (odd_law)"),
+    (
+        {"paths": "{name: p, route: {kind: odd, size_m: 2}, speed_m_s: 0.1}"},
+        "route shape 'odd': outline (odd_shape)",
+    ),
+    ({"exports": "silent"}, "exporter 'silent': export (odd_exporter)"),
+]
+
+
+@pytest.mark.parametrize("number", range(len(REFUSED)))
+def test_what_cannot_be_used_is_one_line_that_names_the_module(installed, tmp_path, number):
+    parts, named = REFUSED[number]
+    with fresh(installed):
+        done = build(tmp_path, **parts)
+    assert done.returncode == 3, done.stderr
+    assert f"terrain-forge: {named} must return " in done.complaints[-1], done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(installed, tmp_path):
+    """And a law's report needs no kind."""
+    with fresh(installed):
+        done = build(tmp_path, **_rocks("''"))
+        assert run("view", tmp_path / "out", "--no-browser").returncode == 0
+    assert done.returncode == 1, done.stderr
+    report = json.loads((tmp_path / "out" / "validation" / "report.json").read_text())
+    found = {one["name"]: one["note"] for one in report["checks"] if not one["passed"]}
+    assert found.keys() == {"odd: figure", "odd: report", "thief: report", "none: check"}
+    assert found["odd: figure"] == "figure nan, not finite"
+    assert found["thief: report"] == (
+        "cannot be made (odd_check): checks of validation/report.json is another's"
+    )
+    assert "odd" not in report
+    assert "more" not in report
+    assert report["kept"] == 1
+    counts = json.loads((tmp_path / "out" / "truth" / "size_frequency.json").read_text())
+    assert counts["populations"][0]["law"] == {"kind": "odd", "rate": 1.0}
+
+
+def test_doctor_lists_the_parts_of_others(installed):
+    with fresh(installed, anew=True):
+        done = run("doctor")
+    assert done.returncode == 0
+    lines = [" ".join(line.split()) for line in done.stdout.splitlines()]
+    for line in (
+        "layer odd works (odd_layer)",
+        "layer typo not working (typo_layer): Typo has not `kind: Literal['tpyo'] = 'tpyo'`",
+        "size law odd works (odd_law)",
+        "check odd works (odd_check)",
+        "layer misnamed not working (odd_layer): nothing is looked for in terrain_forge.layer",
+        "exporter gone not working (gone_exporter): No module named 'a_module_that_nobody_has'",
+    ):
+        assert line in lines, done.stdout
+    assert done.stderr.count("a_module_that_nobody_has") == 1

@@ -1,0 +1,74 @@
+"""What surrounds a command: closed streams, odd locales, folders that cannot be written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from terrain_forge.base import OutputError, StorageError
+from terrain_forge.recipe import write_starter
+from terrain_forge.terminal import require_preview
+from tests.helpers.command_line import run
+
+COMMAND = f"{shlex.quote(sys.executable)} -m terrain_forge doctor"
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_changes_no_status(closed):
+    done = subprocess.run(
+        f"{COMMAND} {closed}", shell=True, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    wrong = COMMAND.replace("doctor", "check /dev/null/none.yaml")
+    assert subprocess.run(f"{wrong} {closed}", shell=True, check=False).returncode == 2
+
+
+def test_a_locale_without_a_letter_is_told_in_one_line(tmp_path):
+    plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+    command = [sys.executable, "-m", "terrain_forge", "init", os.fsencode(tmp_path / "Mös")]
+    done = subprocess.run(
+        command, env={**os.environ, **plain}, capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "Mös" / "hello.yaml").is_file()
+
+
+def test_init_takes_a_dtm_that_is_the_same_and_no_other(tmp_path):
+    write_starter(tmp_path)
+    assert write_starter(tmp_path, "mars_ripples") == tmp_path / "mars_ripples.yaml"
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "gale_floor_synthetic.tif").write_bytes(b"mine")
+    with pytest.raises(OutputError, match="exists already: choose another folder"):
+        write_starter(other)
+    assert [path.name for path in other.iterdir()] == ["gale_floor_synthetic.tif"]
+
+
+def test_a_folder_that_cannot_be_written_is_the_disks_fault(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copyfile", refuse)
+        with pytest.raises(StorageError, match="Read-only file system"):
+            write_starter(tmp_path / "new")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "access", lambda path, how: False)
+        with pytest.raises(StorageError, match="its folder is read-only"):
+            require_preview(tmp_path / "x_preview.png")
+    with pytest.raises(OutputError, match="is no folder"):
+        write_starter(Path("/dev/null"))
+
+
+def test_a_command_that_is_told_can_be_pasted(tmp_path):
+    folder = tmp_path / "my & <b> world"
+    told = run("init", folder).stdout
+    assert shlex.split(told.partition("then run  ")[2])[-1] == str(folder / "hello.yaml")
