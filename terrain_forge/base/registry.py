@@ -100,10 +100,19 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
     except TerrainForgeError:
         raise
     except Exception as error:
-        if _is_ours(module) or plugin_at_fault(error):
+        if _is_ours(module) or plugin_at_fault(error) or _raised_within(module, error):
             raise
         found = _words(error)
         raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
+
+
+def _raised_within(module: str, error: BaseException) -> bool:
+    """Whether a module's own code raised an error or called what did, and none of ours."""
+    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
+        name = str(frame.f_globals.get("__name__", ""))
+        if _is_ours(name) or name == module:
+            return name == module
+    return False
 
 
 def _is_ours(module: str) -> bool:

@@ -62,7 +62,8 @@ def test_a_busy_machine_teaches_nothing_of_its_waiting(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "pace.json").read_text())["stages"] == {"writing": 1.0}
 
 
-def test_the_drive_of_a_planned_path_is_in_the_estimate():
+def test_the_drive_of_a_planned_path_is_in_the_estimate(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
     route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
     recipe = Recipe(
         name="planned",

@@ -514,10 +514,12 @@ def soil_slope(spacing, finer):
         for v, _, other in weights
     )
     total, wave = 0.0, min(grain.SOIL_COARSEST, 1.5 * spacing)
-    weight = (wave / grain.SOIL_COARSEST) ** -0.35
-    while (shown := min(1.0, 0.5 * wave * finer / spacing - 1.0)) > 0.0:
+    weight = (wave / grain.SOIL_COARSEST) ** (grain.SOIL_HURST - 1.0)
+    least, whole = grain.SOIL_SHOWN
+    while (shown := min(1.0, (wave * finer / spacing - least) / (whole - least))) > 0.0:
         total += (grain.SOIL_STEEP * shown * weight) ** 2 * variance
-        wave, weight = 0.48 * wave, weight * grain.SOIL_ROUGHER
+        wave *= grain.SOIL_STEP
+        weight *= grain.SOIL_STEP ** (grain.SOIL_HURST - 1.0)
     return np.sqrt(total)
 
 

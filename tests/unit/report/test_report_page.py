@@ -359,8 +359,8 @@ def test_a_section_is_a_class_in_a_module(tmp_path, monkeypatch):
         def blocks(self, built):
             return [Block(kind="paragraph", text=f"{HOSTILE} of {built.world.site.name}", style="")]
 
-    found = page_module.parts
-    monkeypatch.setattr(page_module, "parts", lambda *of: (*found(*of), Ripples))
+    found = page_module.section_types()
+    monkeypatch.setattr(page_module, "section_types", lambda: (*found, Ripples))
     page = Page(build(tmp_path).read_text(encoding="utf-8"))
     assert f"{HOSTILE} of Gale & co" in page.words
     place = page.links.index("#the-ripples")
@@ -386,7 +386,7 @@ def test_a_foreign_section_that_raises_is_left_out(small_world, tmp_path, monkey
         def blocks(self, built):
             raise ValueError("boom")
 
-    monkeypatch.setattr("terrain_forge.report.page.parts", lambda *_: (Broken,))
+    monkeypatch.setattr("terrain_forge.report.page.section_types", lambda: (Broken,))
     text = write_report_page(small_world, tmp_path).read_text(encoding="utf-8")
     assert "boom" not in text
     assert "section 'Broken' of the report is left out: boom" in caplog.text

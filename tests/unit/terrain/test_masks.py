@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from terrain_forge.base import DataError, RecipeError, registry
+from terrain_forge.base import DataError, PluginError, RecipeError, registry
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
 from terrain_forge.model import Image
@@ -64,7 +64,7 @@ class Broken(Layer):
 
 def test_layer_that_is_not_finite_is_named():
     site = worlds.site()
-    with pytest.raises(ValueError, match=r"terrain.layers\[1\] \(Broken\) makes heights that"):
+    with pytest.raises(PluginError, match=r"terrain.layers\[1\] \(Broken\) makes heights that"):
         shape_ground(site=site, window=site.window, layers=(Ramp(), Broken(), Step()))
 
 
