@@ -112,6 +112,8 @@ def tell_recording(result: Recorded, seconds: float) -> None:
     say(f"{result.folder}: {streams}")
     made = f"{_count(result.made, 'new measurement')} in files of their own, tables anew,"
     say(f"  {size_text(result.size)}: {made} in {time_text(seconds)}")
+    for name, sentences in result.losses.items():
+        say(f"  {name}: {' '.join(sentences)}")
 
 
 def tell_openings(out: Path, exports: Sequence[Export]) -> None:

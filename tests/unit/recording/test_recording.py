@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
 from terrain_forge.datasets.formats.calibration import Calibration
 from terrain_forge.model import sensor_kinds
+from terrain_forge.recipe import DatasetSpec, recipe_json
 from terrain_forge.recording import formats as formats_file
 from terrain_forge.recording import record as record_file
 from terrain_forge.rovers import find_rover
@@ -393,6 +394,18 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
     with pytest.raises(tf.OutputError, match="counts exists: remove it"):
         tf.record(world, tmp_path, formats=("counts",), end=6.0)
     assert (first.folder / "counts" / "mine.txt").read_text() == "precious"
+
+
+def test_a_part_leaves_out_formats_of_the_recipe_that_it_cannot_have(world, tmp_path, monkeypatch):
+    kinds = {"counts": Counting, "calibration": Calibration}
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    recipe = replace(world.site.recipe, dataset=DatasetSpec(formats=("counts",)))
+    wanting = world.replace(site=world.site.replace(recipe_json=recipe_json(recipe)))
+    part = tf.record(wanting, tmp_path, only=("imu",), end=2.0)
+    assert part.losses == {"counts": ("not made: counts needs a camera",)}
+    assert not (part.folder / "counts").exists()
+    assert tf.record(wanting, tmp_path, end=2.0).losses == {"counts": ("All else.",)}
 
 
 def test_a_quick_look_is_every_few_of_the_same_measurements(world, tmp_path):
