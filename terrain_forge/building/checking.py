@@ -28,6 +28,7 @@ from terrain_forge.recipe import (
     tile_cells,
 )
 from terrain_forge.rocks import contact_told
+from terrain_forge.rovers import rover_of
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -97,6 +98,13 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     for path in recipe.paths:
         if isinstance(path.route, Planned):
             yield f"  path         {path.name}: planned on the finished ground"
+    rover = rover_of(site)
+    for path in recipe.paths:
+        if path.speed_m_s > rover.speed_limit:
+            yield (
+                f"  {'warning':<12} {path.name}: {path.speed_m_s:g} m/s, the rover {rover.name} "
+                f"drives at {rover.speed_limit:g} m/s at most"
+            )
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost_line(site, orders)}"

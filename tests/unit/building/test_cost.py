@@ -9,6 +9,7 @@ from terrain_forge.building.cost import DETOUR, DRIVING, FARTHEST, learn, pace, 
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
 from terrain_forge.paths import PathSpec, Planned
+from terrain_forge.pipeline import check
 from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
 
 
@@ -79,3 +80,20 @@ def test_the_drive_of_a_planned_path_is_in_the_estimate(tmp_path, monkeypatch):
         for one in (None, drive)
     )
     assert driven - alone == pytest.approx(pace() * 90.0 * DETOUR * DRIVING, rel=0.1)
+
+
+def test_a_path_faster_than_the_rover_is_warned_of():
+    route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
+    recipe = Recipe(
+        name="fast",
+        seed=1,
+        body="mars",
+        dtm=FlatDtm(size_m=(16.0, 12.0)),
+        terrain=TerrainSpec(spacing_m=0.1),
+        paths=(
+            PathSpec(name="there", route=route, speed_m_s=100.0),
+            PathSpec(name="slowly", route=route, speed_m_s=0.1),
+        ),
+    )
+    warned = [line.split(maxsplit=1)[1] for line in check(recipe) if "warning" in line]
+    assert warned == ["there: 100 m/s, the rover morpheus drives at 1 m/s at most"]
