@@ -24,7 +24,7 @@ class Options(Spec):
     with the number of nodes."""
     finest_min_m: NotNegative = 0.25
     """Rocks of at least this exposed diameter have their shapes' finest meshes."""
-    close_within_m: NotNegative = 2.0
+    close_within_m: NotNegative = 0.0
     """How far from a path rocks of at least 0.25 m are drawn by the finer meshes of their shapes
     that a camera at 1 m asks for, at most [m]; 0 for none."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03

@@ -39,7 +39,7 @@ class Options(Spec):
     what the law of the recipe's smallest rocks gives on down to there."""
     pebbles_within_m: Positive = 2.0
     """How far from a path they lie, at most [m]."""
-    close_within_m: NotNegative = 2.0
+    close_within_m: NotNegative = 0.0
     """How far from a path rocks of at least 0.25 m are drawn by the finer meshes of their shapes
     that a camera at 1 m asks for, at most [m]; 0 for none."""
     surface: Literal["regolith", "bedrock"] = "regolith"
