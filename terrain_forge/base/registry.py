@@ -100,18 +100,19 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
     except TerrainForgeError:
         raise
     except Exception as error:
-        if _is_ours(module) or plugin_at_fault(error) or _raised_within(module, error):
+        if _is_ours(module) or _raised_within(module, error):
             raise
         found = _words(error)
         raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
 
 
 def _raised_within(module: str, error: BaseException) -> bool:
-    """Whether a module's own code raised an error or called what did, and none of ours."""
+    """Whether code of a module's package raised an error or called what did, and none of ours."""
+    package = module.partition(".")[0]
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
-        name = str(frame.f_globals.get("__name__", ""))
-        if _is_ours(name) or name == module:
-            return name == module
+        name = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if name in (_OURS, package):
+            return name == package
     return False
 
 
@@ -194,7 +195,9 @@ def unfit(part: type) -> str:
         for name in dir(part)
         if getattr(inspect.getattr_static(part, name), "__isabstractmethod__", False)
     ]
-    declared = {name: kind for base in part.__mro__ for name, kind in _annotations(base).items()}
+    declared = {
+        name: kind for base in part.__mro__ for name, kind in inspect.get_annotations(base).items()
+    }
     lacking += [
         name
         for name, kind in declared.items()
@@ -206,10 +209,6 @@ def unfit(part: type) -> str:
         return _unreadable(part) if issubclass(part, Spec) else ""
     except Exception as error:  # whatever pydantic or a foreign annotation raises
         return f"cannot be read from a recipe: {str(error).partition(chr(10))[0]}"
-
-
-def _annotations(of: type) -> dict[str, Any]:
-    return inspect.get_annotations(of)
 
 
 def _unreadable(spec: type[Spec]) -> str:

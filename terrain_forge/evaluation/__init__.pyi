@@ -27,7 +27,6 @@ from .map_score import MapScore as MapScore
 from .map_score import SiteGrid as SiteGrid
 from .map_score import score_map as score_map
 from .map_score import site_grid as site_grid
-from .map_tables import MAPS as MAPS
 from .map_tables import map_rows as map_rows
 from .map_tables import score_maps as score_maps
 from .map_tables import write_maps as write_maps
@@ -48,6 +47,7 @@ from .score import ScoreOptions as ScoreOptions
 from .score import Spread as Spread
 from .score import relative_errors as relative_errors
 from .score import score_poses as score_poses
+from .tables import MAPS as MAPS
 from .tables import latex_table as latex_table
 from .tables import require_no_tables as require_no_tables
 from .tables import score_lines as score_lines

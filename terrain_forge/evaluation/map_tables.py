@@ -11,11 +11,9 @@ import numpy as np
 from terrain_forge.base import Array, DataError
 from terrain_forge.evaluation.map_files import MapPoints, read_map
 from terrain_forge.evaluation.map_score import CELL, Area, MapScore, score_map, site_grid
-from terrain_forge.evaluation.tables import write_table_as
+from terrain_forge.evaluation.tables import MAPS, write_table_as
 from terrain_forge.model import World
 
-MAPS = "maps"
-"""Files of the table are called so."""
 _HEAD = (
     "map", "points", "over the ground [m]", "rms [m]", "median [m]", "mapped [%]",
     "within 5 cm [%]", "cell rms [m]", "rock precision [%]", "rock recall [%]", "rock F1 [%]",

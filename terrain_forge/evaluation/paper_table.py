@@ -20,10 +20,8 @@ from terrain_forge.evaluation.paper import (
     table_of,
 )
 from terrain_forge.evaluation.results import Result
-from terrain_forge.evaluation.tables import latex_table
+from terrain_forge.evaluation.tables import PAPER, latex_table
 
-NAME = "paper"
-"""Files of the table are called so."""
 _HEAD = (
     "system", "ATE in the paper [m]", "ATE here [m]", "TDr in the paper [%]", "TDr here [%]",
     "tracked here [%]", "here by",
@@ -185,5 +183,5 @@ def write_paper_table(recording: Recording, results: Sequence[Result], folder: P
         "tex": comments + latex_table(rows),
     }
     for suffix, content in contents.items():
-        (folder / f"{NAME}.{suffix}").write_text(content, encoding="utf-8")
-    return [folder / f"{NAME}.{suffix}" for suffix in contents]
+        (folder / f"{PAPER}.{suffix}").write_text(content, encoding="utf-8")
+    return [folder / f"{PAPER}.{suffix}" for suffix in contents]

@@ -30,7 +30,7 @@ _COLUMNS = (
 """Heading, unit, and what stands in the column."""
 _FACTORS = {"%": 100.0, "deg": _DEGREES, "deg/m": _DEGREES}
 _STYLES = {"": ".4g", "%": ".3g"}
-TABLES = ("evaluation", "maps", "paper")
+TABLE, MAPS, PAPER = "evaluation", "maps", "paper"
 """Names of the tables' files, without their endings."""
 
 Failures = Sequence[tuple[str, str]]
@@ -97,7 +97,7 @@ def require_no_tables(folder: Path) -> None:
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is no folder")
-    found = sorted(one.name for one in folder.glob("*") if one.stem in TABLES)
+    found = sorted(one.name for one in folder.glob("*") if one.stem in (TABLE, MAPS, PAPER))
     if found:
         raise OutputError(
             f"{folder} holds {', '.join(found)}; move them away, choose another folder with -o, or "
@@ -116,7 +116,7 @@ def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = 
 
 def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
     """Write a table as evaluation.csv and evaluation.tex, and all of it as evaluation.json."""
-    return write_table_as("evaluation", rows, whole, folder)
+    return write_table_as(TABLE, rows, whole, folder)
 
 
 def write_table_as(name: str, rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:

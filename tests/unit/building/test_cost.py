@@ -63,37 +63,33 @@ def test_a_busy_machine_teaches_nothing_of_its_waiting(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "pace.json").read_text())["stages"] == {"writing": 1.0}
 
 
-def test_the_drive_of_a_planned_path_is_in_the_estimate(tmp_path, monkeypatch):
-    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+def planned(*speeds):
+    """A recipe with planned paths of some speeds, called by their numbers."""
     route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
-    recipe = Recipe(
+    return Recipe(
         name="planned",
         seed=1,
         body="mars",
         dtm=FlatDtm(size_m=(16.0, 12.0)),
         terrain=TerrainSpec(spacing_m=0.1),
-        paths=(PathSpec(name="there", route=route, speed_m_s=0.1),),
+        paths=tuple(
+            PathSpec(name=str(number), route=route, speed_m_s=speed)
+            for number, speed in enumerate(speeds)
+        ),
     )
-    drive = DriveSpec(path="there", film=False)
+
+
+def test_the_drive_of_a_planned_path_is_in_the_estimate(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
     alone, driven = (
-        stage_seconds(plan(replace(recipe, validate=ValidateSpec(drive=one))), [])["validation"]
-        for one in (None, drive)
+        stage_seconds(plan(replace(planned(0.1), validate=ValidateSpec(drive=one))), [])
+        for one in (None, DriveSpec(path="0", film=False))
     )
-    assert driven - alone == pytest.approx(pace() * 90.0 * DETOUR * DRIVING, rel=0.1)
+    more = driven["validation"] - alone["validation"]
+    assert more == pytest.approx(pace() * 90.0 * DETOUR * DRIVING, rel=0.1)
 
 
 def test_a_path_faster_than_the_rover_is_warned_of():
-    route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
-    recipe = Recipe(
-        name="fast",
-        seed=1,
-        body="mars",
-        dtm=FlatDtm(size_m=(16.0, 12.0)),
-        terrain=TerrainSpec(spacing_m=0.1),
-        paths=(
-            PathSpec(name="there", route=route, speed_m_s=100.0),
-            PathSpec(name="slowly", route=route, speed_m_s=0.1),
-        ),
-    )
-    warned = [line.split(maxsplit=1)[1] for line in check(recipe) if "warning" in line]
-    assert warned == ["there: 100 m/s, the rover morpheus drives at 1 m/s at most"]
+    told = check(planned(100.0, 0.1))
+    warned = [line.split(maxsplit=1)[1] for line in told if "warning" in line]
+    assert warned == ["0: 100 m/s, the rover morpheus drives at 1 m/s at most"]
