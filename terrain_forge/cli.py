@@ -252,7 +252,7 @@ def record(
         changes["profile"] = "quick"
     if formats is not None:
         changes["formats"] = names_of(formats, "--formats", "kitti,rosbag2")
-    with Display(pipeline.RECORD_STAGES) as display:
+    with Display(pipeline.record_stages()) as display:
         result = pipeline.record(
             out,
             begin=begin,

@@ -11,9 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge import building, recording, report, tiling
+from terrain_forge import building, making, recording, report, tiling, validation
 from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, require_scheduler
-from terrain_forge.making import make_world, plan
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
     DatasetSpec,
@@ -26,7 +25,6 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rovers import resolve_rover, rover_of
 from terrain_forge.terminal import watched
-from terrain_forge.validation import failed_checks
 
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
 """Stages until there is a world."""
@@ -35,8 +33,11 @@ STAGES = ("compile", *MAKING, "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
-RECORD_STAGES = (*recording.RECORDING, "report page")
-"""Stages of a recording of a built world."""
+
+
+def record_stages() -> tuple[str, ...]:
+    """Stages of a recording of a built world."""
+    return (*recording.RECORDING, "report page")
 
 
 def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
@@ -71,7 +72,7 @@ def realise(
     if window is None:
         require_fits(site)
     with watched(progress, MAKING[1:]) as watch:
-        return make_world(site, window or site.window, settled=settled, progress=watch)
+        return making.make_world(site, window or site.window, settled=settled, progress=watch)
 
 
 def build(
@@ -119,7 +120,7 @@ def build(
         removed = () if tiling.is_site(out) else building.require_ours(out, force=force)
         orders = building.chosen_exports(recipe, only)
         compile_ahead(watch)
-        site = plan(recipe, folder=folder, progress=watch)
+        site = making.plan(recipe, folder=folder, progress=watch)
         if site.recipe.tiles is not None:
             order = tiling.order_tiles(site, out, orders)
             return tiling.build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
@@ -246,7 +247,7 @@ def export(
     only = (only,) if isinstance(only, str) else tuple(only)
     out = Path(out).resolve()
     building.finish(out)
-    older = {check.name for check in failed_checks(out)}
+    older = {check.name for check in validation.failed_checks(out)}
     with watched(progress, export_stages(only)) as watch:
         manifest = building.read_manifest(out)
         watch("load")
@@ -274,7 +275,7 @@ def export(
                 keep_drives=before.intact and all(order.kind != "mjcf" for order in orders),
             )
     mine = tuple(f"{folder}: " for folder in folders)
-    failed = (check.name for check in failed_checks(out))
+    failed = (check.name for check in validation.failed_checks(out))
     return all(name in older and not name.startswith(mine) for name in failed)
 
 
@@ -371,7 +372,7 @@ def record(
         force=force,
         all_formats=not only or "formats" in changes,
     )
-    with watched(progress, RECORD_STAGES) as watch:
+    with watched(progress, record_stages()) as watch:
         place = None
         if not isinstance(world, World):
             place = Path(world).resolve()
@@ -405,9 +406,10 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     yield from missing or building.dtm_lines(recipe, Path(folder))
     if missing:
         return
-    site, orders = plan(recipe, folder=folder), export_orders(recipe)
+    site, orders = making.plan(recipe, folder=folder), export_orders(recipe)
     yield from building.site_lines(site, orders)
-    rover = rover_of(site)
-    recording.require_recordable(recipe, rover)
-    recording.require_long_enough(site, rover.sensors)
-    yield from recording.recording_lines(site, rover.sensors)
+    if recipe.sensors is not None or recipe.dataset is not None:
+        rover = rover_of(site)
+        recording.require_recordable(recipe, rover)
+        recording.require_long_enough(site, rover.sensors)
+        yield from recording.recording_lines(site, rover.sensors)

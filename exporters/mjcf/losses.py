@@ -1,4 +1,4 @@
-"""What MJCF, or this export of it, does not say of a world, and what is too much for it."""
+"""What MJCF, or this export of it, does not say of a world."""
 
 from __future__ import annotations
 
@@ -14,42 +14,16 @@ from terrain_forge.geometry import (
 from terrain_forge.model import World
 
 from .blocks import CELLS, wide_rocks
+from .capacity import FEWER, MANY_MESHES, MOST_GEOMS, loading_cost, require_meshes
 from .options import Options
 from .rocks import SCALE_ERROR, drawn_level, has_own_shape
 from .rover import rig_losses
 
-MOST_GEOMS = 250_000
-"""Geoms that an export may have: MuJoCo steps 100,000 some 300 times a second."""
-MOST_MESHES = 50_000
-"""Meshes that an export may have."""
-_MANY_MESHES = 5000
-"""Beyond so many, loading them takes seconds."""
-_SECONDS_PER_MESH, _BYTES_PER_MESH = 0.6e-3, 0.17e6
-"""What MuJoCo takes to load a mesh of its own (measured with 5000 and 15000 of them, one core)."""
 _WHEEL_CELLS = 10
 """A wheel so many cells wide makes 43 of the 50 contacts that MuJoCo keeps of it."""
 SECONDS_PER_DYNAMIC = 25e-6
 """What a dynamic rock that lies on the ground takes of each step [s], with 5 contacts as they have
 on average: 5.5 ms for 221 of them (MuJoCo 3.17, one core)."""
-_FEWER = (
-    "choose a smaller size_m, a larger smallest diameter_m, or the format usd, which merges small "
-    "rocks"
-)
-
-
-def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
-    """Refuse, before the world is made, more rocks than MuJoCo steps at any useful rate.
-
-    Raises:
-        ExportError: if there are.
-    """
-    del nodes  # a ground of any size becomes several height fields
-    if rocks > MOST_GEOMS:
-        raise ExportError(
-            f"some {rocks:,.0f} rocks make at least as many geoms, MuJoCo steps {MOST_GEOMS:,} at "
-            f"most: {_FEWER}"
-        )
-    _require_meshes(options, rocks)
 
 
 def require_counts(world: World, options: Options) -> None:
@@ -63,9 +37,9 @@ def require_counts(world: World, options: Options) -> None:
         raise ExportError(
             f"{len(world.field):,} rocks make {hulls:,} geoms to touch and {drawn:,} to look at, "
             f"MuJoCo steps {MOST_GEOMS:,} at most: choose a larger visual_min_m, here "
-            f"{options.visual_min_m:g}, or {_FEWER}"
+            f"{options.visual_min_m:g}, or {FEWER}"
         )
-    _require_meshes(options, hulls + drawn)
+    require_meshes(options, hulls + drawn)
 
 
 def count_geoms(world: World, options: Options) -> tuple[int, int]:
@@ -75,19 +49,6 @@ def count_geoms(world: World, options: Options) -> tuple[int, int]:
     own_shape = has_own_shape(field, options)
     by_hulls = field.collides | ~own_shape
     return int(parts[field.prototype[by_hulls]].sum()), int(own_shape.sum())
-
-
-def _require_meshes(options: Options, count: float) -> None:
-    if options.exact_scale and count > MOST_MESHES:
-        raise ExportError(
-            f"exact_scale: true makes some {count:,.0f} meshes, which MuJoCo would load in about "
-            f"{_cost(count)}, at most {MOST_MESHES:,}: leave it out, which rounds sizes by 1 % at "
-            "most"
-        )
-
-
-def _cost(meshes: float) -> str:
-    return f"{meshes * _SECONDS_PER_MESH:.0f} s and {meshes * _BYTES_PER_MESH / 1e9:.1f} GB"
 
 
 def list_losses(world: World, options: Options) -> tuple[str, ...]:
@@ -116,10 +77,10 @@ def _rock_losses(world: World, options: Options) -> list[str]:
             "`exact_scale: true` keeps them."
         )
     meshes = sum(count_geoms(world, options)) if options.exact_scale else 0
-    if meshes > _MANY_MESHES:
+    if meshes > MANY_MESHES:
         losses.append(
-            f"`exact_scale: true` makes {meshes} meshes: MuJoCo takes about {_cost(meshes)} to "
-            "load them."
+            f"`exact_scale: true` makes {meshes} meshes: MuJoCo takes about "
+            f"{loading_cost(meshes)} to load them."
         )
     if by_hull:
         losses.append(f"{by_hull} rocks are drawn by their convex collision hulls, in one colour.")

@@ -1,6 +1,6 @@
 """Gazebo's SDF: a world of models that Gazebo Classic and the newer gz-sim load."""
 
-from .losses import check_capacity as check_capacity
+from .capacity import check_capacity as check_capacity
 from .options import Options as Options
 from .readback import CONSUMERS as CONSUMERS
 from .readback import opening as opening

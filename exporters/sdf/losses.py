@@ -1,11 +1,10 @@
-"""What SDF, or this export of it, does not say of a world, and which worlds are too much for it."""
+"""What SDF, or this export of it, does not say of a world."""
 
 from __future__ import annotations
 
 import numpy as np
 from terrain_forge.exporters.sdf import rocks
 
-from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     collision_losses,
     friction_losses,
@@ -15,41 +14,17 @@ from terrain_forge.geometry import (
 )
 from terrain_forge.model import Mesh, World, simple_sensors
 
+from .capacity import ADVICE, BODY_MB, BODY_MS, PART_MB, PART_MS, require_bearable
 from .heightmap import Heightmap, heightmap_losses
 from .options import Options
 from .scenery import STEP, knows_surface
 from .sensors import rig_losses
 
-PART_MB, PART_MS = 0.27, 0.8
-"""Memory [MB] and time [ms] that libsdformat takes for each visual and each collision: it copies
-the description of all that an element could hold. Measured with libsdformat 12, as below."""
-BODY_MB, BODY_MS = 2.3, 9.0
-"""The same for the model and link of a dynamic rock."""
-MOST_MB = 8192.0
-"""What loading may take [MB]."""
 WORTH_SAYING_MB = 1024.0
 """From what on loading is a loss to be told [MB]."""
-_ADVICE = "a larger individual_min_m merges more of them, or make fewer rocks dynamic"
 SECONDS_PER_DYNAMIC = 1e-4
 """What a dynamic rock that lies on the ground takes of each step [s]: 21 ms for 221 of them, in
 Fortress' physics with DART on one core."""
-
-
-def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
-    """Refuse, before the world is made, more rocks of their own than libsdformat loads.
-
-    How many are above `individual_min_m` is known only then; if all are, they can be told now.
-
-    Raises:
-        ExportError: if there are too many; says what to choose instead.
-    """
-    del nodes
-    if options.individual_min_m == 0.0:  # each is seen and touched
-        _require(
-            f"some {rocks:,.0f} rocks are elements of their own",
-            2 * PART_MB * rocks,
-            key=("individual_min_m",),
-        )
 
 
 def require_loadable(world: World, options: Options) -> None:
@@ -58,16 +33,7 @@ def require_loadable(world: World, options: Options) -> None:
     Raises:
         ExportError: if its rocks are too many elements; says what to choose instead.
     """
-    _require(_found(world, options), loading(world, options)[0])
-
-
-def _require(found: str, megabytes: float, *, key: tuple[str, ...] = ()) -> None:
-    if megabytes > MOST_MB:
-        raise ExportError(
-            f"{found}: Gazebo's parser would take {megabytes / 1024:.0f} GB to load them, at most "
-            f"{MOST_MB / 1024:.0f} GB are allowed; {_ADVICE}",
-            key=key,
-        )
+    require_bearable(_found(world, options), loading(world, options)[0])
 
 
 def loading(world: World, options: Options) -> tuple[float, float]:
@@ -154,7 +120,7 @@ def _rock_losses(world: World, coarse: list[Mesh], options: Options) -> list[str
     if megabytes > WORTH_SAYING_MB:
         losses.append(
             f"{_found(world, options)}: Gazebo's parser takes some {megabytes / 1024:.1f} GB and "
-            f"{seconds:.0f} s to load them; {_ADVICE}"
+            f"{seconds:.0f} s to load them; {ADVICE}"
         )
     dynamic = int(world.field.dynamic.sum())
     busy = SECONDS_PER_DYNAMIC * dynamic

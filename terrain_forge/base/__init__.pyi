@@ -52,6 +52,7 @@ from .records import from_plain as from_plain
 from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
+from .registry import is_ours as is_ours
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts
 from .registry import plugin_at_fault as plugin_at_fault

@@ -100,7 +100,7 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
     except TerrainForgeError:
         raise
     except Exception as error:
-        if _is_ours(module) or _raised_within(module, error):
+        if is_ours(module) or _raised_within(module, error):
             raise
         found = _words(error)
         raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
@@ -116,7 +116,8 @@ def _raised_within(module: str, error: BaseException) -> bool:
     return False
 
 
-def _is_ours(module: str) -> bool:
+def is_ours(module: str) -> bool:
+    """Whether a module of that name is of this package."""
     return module.partition(".")[0] == _OURS
 
 
@@ -247,7 +248,7 @@ def _members(
             skip_plugin(point, group, f"has no {base.__name__}")
         for member in members:
             judged = point is not None and isinstance(member, type)
-            why = unfit(member) if judged and not _is_ours(member.__module__) else ""
+            why = unfit(member) if judged and not is_ours(member.__module__) else ""
             if point is not None and why:
                 skip_plugin(point, group, f"{member.__name__} {why}")
             else:

@@ -20,6 +20,7 @@ from tempfile import NamedTemporaryFile
 
 import numpy as np
 
+from terrain_forge import validation
 from terrain_forge.base import cache_folder
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
@@ -31,7 +32,6 @@ from terrain_forge.recipe import (
     tile_cells,
 )
 from terrain_forge.rocks import expected_dynamic, is_library_kept
-from terrain_forge.validation import MOST_WATCHED
 
 SETTLING = 0.035
 """Time to settle a dynamic rock [s]."""
@@ -147,7 +147,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
     written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
     read = 1.6 + nodes / 4.2e5 + exported * READING
-    watched = min(dynamic, MOST_WATCHED) * WATCHING
+    watched = min(dynamic, validation.MOST_WATCHED) * WATCHING if dynamic else 0.0
     stages = {
         "plan": 0.45,
         LIBRARY: _library(site),

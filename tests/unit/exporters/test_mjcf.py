@@ -333,12 +333,12 @@ def test_larger_visual_min_m_makes_fewer_geoms(loosened, tmp_path, monkeypatch):
 
 def test_exact_scales_are_refused_and_told_by_what_they_cost(world, tmp_path, monkeypatch):
     losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
-    monkeypatch.setattr(losses, "_MANY_MESHES", 10)
+    monkeypatch.setattr(losses, "MANY_MESHES", 10)
     options = Options(exact_scale=True)
     told = " ".join(losses.list_losses(world, options))
     assert f"{sum(losses.count_geoms(world, options))} meshes: MuJoCo takes about 0 s" in told
     assert "to load" not in " ".join(losses.list_losses(world, Options()))
-    monkeypatch.setattr(losses, "MOST_MESHES", 20)
+    monkeypatch.setattr("terrain_forge.exporters.mjcf.capacity.MOST_MESHES", 20)
     with pytest.raises(ExportError, match=r"exact_scale: true makes some .* leave it out"):
         export(world, tmp_path, exact_scale=True)
     export(world, tmp_path)
