@@ -257,7 +257,7 @@ def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
 def test_an_unknown_option_is_told(tmp_path):
     path = _write_tum(tmp_path / "gt.tum", _circle(count=50))
     for change, told in {
-        "aline=all": "unknown, there are: align, third_by",
+        "aline=all": "unknown key 'aline' (did you mean 'align'?), allowed: align",
         "align=some": "'first_third', 'all', 'origin' or 'none'",
         "align": "must be key=value",
     }.items():
