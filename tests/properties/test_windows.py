@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,6 +36,16 @@ def site(seed):
         exports=(),
     )
     return tf.plan(recipe)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "columns", "rows"),
+    [(-1, 0, 4, 4), (48, 0, 1, 1), (0, 30, 4, 7), (0, 0, 49, 1)],
+)
+def test_a_window_outside_of_the_site_is_refused(column, row, columns, rows):
+    window = Window(column=column, row=row, columns=columns, rows=rows)
+    with pytest.raises(tf.DataError, match=r"has columns 0 to 48 and rows 0 to 36$"):
+        tf.realise(site(0), window)
 
 
 @cache
