@@ -102,6 +102,18 @@ def test_preview_draws_and_exports_nothing(recipe, tmp_path):
     assert run("preview", recipe, "-o", tmp_path / "look.png").returncode == 0
 
 
+def test_a_first_preview_tells_that_it_compiles(recipe, tmp_path, monkeypatch):
+    """It does so as a build, before anything else."""
+
+    def compile_few(progress, **_):
+        progress("compile: 0 of 2 kernels, once", 0.0)
+
+    monkeypatch.setattr("terrain_forge.base.compile_ahead", compile_few)
+    done = run("preview", recipe, "-o", tmp_path / "look.png")
+    stages = re.findall(r"^terrain-forge: \d:\d\d ([\w ]+)", done.stderr, re.MULTILINE)
+    assert stages == ["compile", *tf.pipeline.MAKING]
+
+
 def test_preview_takes_the_place_of_nothing_but_a_preview(recipe, tmp_path):
     copy = tmp_path / "r.yaml"
     copy.write_bytes(recipe.read_bytes())
