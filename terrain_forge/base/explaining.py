@@ -113,12 +113,13 @@ def _words(error: Any, key: Key) -> str:
     match error["type"]:
         case "list_or_mapping":
             return f"must be a list or a mapping, found {_shown(found)}"
-        case "dataclass_type" | "dataclass_exact_type" | "dict_type":
+        case "dataclass_type" | "dict_type":
             return f"must be a mapping of keys, found {_shown(found)}"
         case "union_tag_not_found" | "union_tag_invalid" if not isinstance(found, dict):
             return f"must be a mapping of keys, found {_shown(found)}"
         case "tuple_type" | "list_type":
-            return f"must be a list, found {_shown(found)}"
+            what = "tuple" if isinstance(found, list) else "list"
+            return f"must be a {what}, found {_shown(found)}"
         case "too_short" if "min_length" in context:
             return f"needs at least {context['min_length']}, has {context['actual_length']}"
         case "too_long" if "max_length" in context:
