@@ -93,3 +93,13 @@ def test_a_cut_ground_has_the_heights_of_the_whole(window, share):
     west, south, east, north = part.bounds
     place = west + share[0] * (east - west), south + share[1] * (north - south)
     np.testing.assert_allclose(part.height_at(*place), ground.height_at(*place), atol=1e-9)
+
+
+def test_heights_outside_of_the_ground_are_refused():
+    """A border is inside, a point beyond it is not, whatever else is asked for."""
+    ground = worlds.ground()
+    west, south, east, north = ground.bounds
+    assert np.isfinite(ground.height_at([west, east], [south, north])).all()
+    for place in ((west - 1e-3, 0.0), (0.0, north + 1e-3), (np.nan, 0.0)):
+        with pytest.raises(tf.DataError, match="point outside the grid"):
+            ground.height_at([0.0, place[0]], [0.0, place[1]])

@@ -87,6 +87,17 @@ def test_an_export_is_failed_by_its_own_checks_and_by_new_ones_only(built, monke
         assert (done.returncode, "failed: sdf: ground: 1 m" in done.stderr) == (1, True)
 
 
+def test_one_export_from_python_is_a_text(built, monkeypatch):
+    """As the folder is; what a command would write is written."""
+    out, _ = built
+    monkeypatch.chdir(out.parent)
+    assert tf.export(out.name, "geotiff", force=True)
+    assert tf.export(str(out), ("geotiff",), force=True)
+    assert (out / "geotiff" / "elevation.tif").is_file()
+    with pytest.raises(tf.OutputError, match="exporter 'geotif'"):
+        tf.export(str(out), "geotif")
+
+
 def test_preview_draws_and_exports_nothing(recipe, tmp_path):
     done = run("preview", recipe, "-o", tmp_path / "look.png")
     assert done.returncode == 0, done.stderr
