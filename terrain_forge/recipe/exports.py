@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from terrain_forge.base import RecipeError, complaint
+from terrain_forge.base import RecipeError, complaint, dotted
 from terrain_forge.model import Exporter, exporter, options_adapter
 from terrain_forge.recipe.schema import Recipe
 
@@ -70,5 +70,6 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
         raise RecipeError(str(error), key=(*key, *error.key)) from None
     except ValidationError as error:
         told = complaint(error, adapter, options)
-        raise RecipeError(told.words + told.rest, key=(*key, *told.key)) from None
+        why = f"option {dotted(told.key)!r} of {kind}: {told.words}{told.rest}"
+        raise RecipeError(why, key=(*key, *told.key)) from None
     return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)

@@ -75,7 +75,7 @@ def find_rover(name: str, **options: Any) -> Rover:
             choice = adapter.validate_python(options)
         except ValidationError as error:
             told = complaint(error, adapter, options)
-            raise RecipeError(told.words + told.rest, key=("rover", *told.key)) from None
+            raise RecipeError(f"rover {name!r}: {told}", key=("rover", *told.key)) from None
         return build_rover(choice)
     raise RecipeError(
         f"unknown rover {name!r}{hint_at(name, known)}, known: {', '.join(known)}; a "

@@ -86,7 +86,7 @@ def test_other_readers_use_the_same_words(tmp_path):
         f"{system}: comand: unknown key 'comand' (did you mean 'command'?), allowed: about": (
             lambda: find_system(str(system))
         ),
-        "unknown key 'grouser' (did you mean 'grousers'?), allowed: dimensions, grousers": (
+        "rover 'morpheus': grouser: unknown key 'grouser' (did you mean 'grousers'?)": (
             lambda: find_rover("morpheus", grouser=1)
         ),
     }

@@ -126,7 +126,11 @@ def test_check_counts_rocks_and_no_craters(tmp_path):
 @pytest.mark.parametrize(
     ("was", "now", "words"),
     [
-        ('"usd":{}', '"usd":{"friktion":1}', "exports.usd.friktion: unknown key"),
+        (
+            '"usd":{}',
+            '"usd":{"friktion":1}',
+            "option 'friktion' of usd: unknown key",
+        ),
         ('"usd":{}', '"sdf":{"heightmap_bits":8}', "exports.sdf.heightmap_bits: has no effect"),
         ('"usd":{}', '"gone":{}', "exports.gone: unknown exporter"),
         ('"spacing_m"', '"spacing"', "terrain.spacing: unknown key"),
