@@ -134,12 +134,19 @@ def section(name: str, part: dict[str, Any], schema: dict[str, Any]) -> str:
     lines += ["| key | value | default | meaning |", "|---|---|---|---|"]
     required = part.get("required", [])
     for key, value in part["properties"].items():
-        default = "**required**" if key in required else f"`{shown(value.get('default'))}`"
+        default = "**required**" if key in required else default_of(value)
         meaning = " ".join(value.get("description", "").split())
         lines.append(
             f"| `{key}` | {kind(value, schema)} | {default} | {meaning} |".replace("||", "|")
         )
     return "\n".join([*lines, ""])
+
+
+def default_of(value: dict[str, Any]) -> str:
+    """What stands where a key is left out; the schema does not tell a mapping's."""
+    if "default" in value:
+        return f"`{shown(value['default'])}`"
+    return "`{}`" if value.get("type") == "object" else "its defaults"
 
 
 def shown(value: Any) -> str:

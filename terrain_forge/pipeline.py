@@ -68,6 +68,7 @@ def realise(
     Raises:
         RecipeError: if rocks cannot be packed so densely, a planned path cannot be found, or the
             driven one starts within a rock.
+        DataError: if the window does not lie in the site.
     """
     if window is None:
         require_fits(site)

@@ -21,6 +21,9 @@ from .errors import StorageError as StorageError
 from .errors import TerrainForgeError as TerrainForgeError
 from .errors import hint_at as hint_at
 from .errors import reading as reading
+from .explaining import Complaint as Complaint
+from .explaining import complaint as complaint
+from .explaining import dotted as dotted
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows
 from .frames import linear_from_srgb as linear_from_srgb

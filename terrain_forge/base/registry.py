@@ -168,17 +168,25 @@ def parts(
     def wanted(member: object) -> bool:
         return isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
 
+    def misfit(member: type) -> str:
+        return "" if is_ours(member.__module__) else unfit(member)
+
     named = [
         (str(vars(member).get("kind", member.__name__)), member, member.__module__, point)
-        for member, _, point in _members(folder, group, base, wanted)
+        for member, _, point in _members(folder, group, base, wanted, misfit)
     ]
     found = _first_of_each(group, "kind", named, taken)
     return tuple(sorted(found.values(), key=lambda part: part.__name__))
 
 
-def values(base: type[_Part], folder: str, group: str) -> tuple[_Part, ...]:
-    """All installed values of a class, found as by `parts`, in the order of their `name`."""
-    members = _members(folder, group, base, lambda member: isinstance(member, base))
+def values(
+    base: type[_Part], folder: str, group: str, *, unfit: Callable[[_Part], str]
+) -> tuple[_Part, ...]:
+    """All installed values of a class, found as by `parts`, in the order of their `name`.
+
+    `unfit` says why one cannot be used, and is empty if it can.
+    """
+    members = _members(folder, group, base, lambda member: isinstance(member, base), unfit)
     named = [(one.name, one, module, point) for one, module, point in members]
     found = _first_of_each(group, "name", named)
     return tuple(found[name] for name in sorted(found))
@@ -234,7 +242,11 @@ def _unreadable(spec: type[Spec]) -> str:
 
 
 def _members(
-    folder: str, group: str, base: type, wanted: Callable[[object], bool]
+    folder: str,
+    group: str,
+    base: type,
+    wanted: Callable[[object], bool],
+    unfit: Callable[[Any], str],
 ) -> Iterator[tuple[Any, str, EntryPoint | None]]:
     """What modules of our folder bring, then those of other packages that can be imported."""
     names = [m.name for m in pkgutil.iter_modules(import_module(folder).__path__, f"{folder}.")]
@@ -247,10 +259,9 @@ def _members(
         if point is not None and not members:
             skip_plugin(point, group, f"has no {base.__name__}")
         for member in members:
-            judged = point is not None and isinstance(member, type)
-            why = unfit(member) if judged and not is_ours(member.__module__) else ""
-            if point is not None and why:
-                skip_plugin(point, group, f"{member.__name__} {why}")
+            if point is not None and (why := unfit(member)):
+                name = getattr(member, "__name__", getattr(member, "name", ""))
+                skip_plugin(point, group, f"{name} {why}")
             else:
                 yield member, module.__name__, point
 

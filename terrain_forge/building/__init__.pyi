@@ -22,6 +22,7 @@ from .refusals import require_apart as require_apart
 from .refusals import require_folder as require_folder
 from .refusals import require_listed as require_listed
 from .refusals import require_ours as require_ours
+from .refusals import told_files as told_files
 from .staging import finish as finish
 from .staging import holding as holding
 from .staging import replacing as replacing

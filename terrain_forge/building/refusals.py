@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from terrain_forge.base import OutputError, StorageError
@@ -25,6 +25,8 @@ _FOREIGN = "that its manifest does not list"
 _CHANGED = "changed since it was built"
 _NAMED = 5
 """Files that a message names."""
+_RECORDING, _INDEX = "dataset/", "dataset/dataset.json"
+"""Where the recording of a world lies, and what tells that it is one."""
 _ADDRESS = re.compile("[a-z][a-z0-9+]+:")
 """What is left in a path of the scheme of an address, such as s3://bucket/worlds."""
 _LONGEST, _DEEPEST = 255, 3500
@@ -94,8 +96,12 @@ def require_ours(out: Path, *, force: bool = False, holds: str = WORLD) -> tuple
             f"{out} exists and is not a terrain-forge {holds}; remove it or choose another with -o"
         )
     suspect = suspect_files(out, holds=holds)
-    _refuse([name for name, changed in suspect.items() if not changed], _FOREIGN, out, force)
-    _refuse([name for name, changed in suspect.items() if changed], _CHANGED, out, force)
+    if not force:
+        _refuse(
+            out,
+            foreign=[name for name, changed in suspect.items() if not changed],
+            changed=[name for name, changed in suspect.items() if changed],
+        )
     return tuple(sorted(suspect))
 
 
@@ -125,18 +131,32 @@ def require_listed(
         name for name in foreign_files(out, manifest) if name in folders or name.startswith(inside)
     ]
     changed = [name for name in changed_files(out, manifest) if name.startswith((*inside, *also))]
-    _refuse(foreign, _FOREIGN, out, force)
-    _refuse(changed, _CHANGED, out, force)
+    if not force:
+        _refuse(out, foreign=foreign, changed=changed)
     if foreign or changed:
-        _log.warning("removed from %s: %s", out, ", ".join(sorted({*foreign, *changed})))
+        _log.warning("removed from %s: %s", out, ", ".join(told_files({*foreign, *changed})))
 
 
-def _refuse(names: list[str], what: str, out: Path, force: bool) -> None:
-    if names and not force:
-        named = ", ".join(names[:_NAMED]) + (" …" if len(names) > _NAMED else "")
-        files = "1 file" if len(names) == 1 else f"{len(names)} files"
+def told_files(names: Collection[str]) -> list[str]:
+    """Names of files for people, in order: those of a recording are one thing."""
+    recorded = [name for name in names if name.startswith(_RECORDING)]
+    if _INDEX not in recorded:
+        return sorted(names)
+    whole = f"{_RECORDING} ({len(recorded):,} files of a recording)"
+    return sorted([*({*names} - {*recorded}), whole])
+
+
+def _refuse(out: Path, *, foreign: list[str], changed: list[str]) -> None:
+    """Name all that is in the way."""
+    told = []
+    for names, what in ((foreign, _FOREIGN), (changed, _CHANGED)):
+        if things := told_files(names):
+            named = ", ".join(things[:_NAMED]) + (" …" if len(things) > _NAMED else "")
+            files = "1 file" if len(names) == 1 else f"{len(names):,} files"
+            told.append(f"{files} {what}: {named}")
+    if told:
         raise OutputError(
-            f"{out} holds {files} {what}: {named}; move them away, or let --force remove them"
+            f"{out} holds {', and '.join(told)}; move them away, or let --force remove them"
         )
 
 

@@ -19,6 +19,7 @@ from terrain_forge.base import (
     RecipeError,
     Spec,
     StorageError,
+    complaint,
     hint_at,
     parts,
     returning,
@@ -164,14 +165,14 @@ def checked_options(kind: str, options: Mapping[str, Any]) -> Any:
 def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) -> Any:
     if isinstance(options, Spec):
         return options
+    from pydantic import ValidationError
+
+    adapter, plain = options_adapter(writer.Options), dict(options or {})
     try:
-        return options_adapter(writer.Options).validate_python(dict(options or {}))
-    except ValueError as error:
-        why = "; ".join(
-            f"{'.'.join(map(str, one['loc']))}: {one['msg']}"
-            for one in getattr(error, "errors", list)()
-        )
-        raise RecipeError(f"dataset format {writer.kind!r}: {why or error}") from None
+        return adapter.validate_python(plain)
+    except ValidationError as error:
+        why = complaint(error, adapter, plain)
+        raise RecipeError(f"dataset format {writer.kind!r}: {why}") from None
 
 
 def _require_free(target: Path, recording: Recording) -> None:

@@ -147,13 +147,14 @@ def site_warnings(site: Site) -> list[str]:
         if fitted + 2.0 * error < low:
             found.append(
                 f"the exponent fitted to the DTM, {fitted:.2f} ± {error:.2f}, is below {low:g}: "
-                f"rougher than ground is at its posting, as noise is; {roughness.hurst:.2f} is "
-                "used; where the noise is known, give it as dtm.noise"
+                f"rougher than ground is at its posting, as noise is; a fractal layer without its "
+                f"own takes {roughness.hurst:.2f}; where the noise is known, give it as dtm.noise"
             )
         elif fitted - 2.0 * error > high:
             found.append(
                 f"the exponent fitted to the DTM, {fitted:.2f} ± {error:.2f}, is above {high:g}: "
-                f"smoother than ground is at its posting; {roughness.hurst:.2f} is used"
+                "smoother than ground is at its posting; a fractal layer without its own takes "
+                f"{roughness.hurst:.2f}"
             )
     return found
 

@@ -17,6 +17,7 @@ from terrain_forge.base import (
     DataError,
     OutputError,
     cache_folder,
+    complaint,
     hint_at,
     load_plugin,
     plugins,
@@ -94,15 +95,11 @@ def read_system(path: Path) -> Adapter:
         plain: Any = YAML(typ="safe", pure=True).load(text)
     if not isinstance(plain, dict):
         raise DataError(f"{path}: a system is a mapping of keys")
+    adapter, told = TypeAdapter(Adapter), {"name": path.stem, **plain}
     try:
-        told = json.dumps({"name": path.stem, **plain})
-        return TypeAdapter(Adapter).validate_json(told, strict=True)
-    except (TypeError, ValidationError) as error:
-        why = str(error)
-        if isinstance(error, ValidationError):
-            first = error.errors()[0]
-            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-        raise DataError(f"{path}: {why}") from None
+        return adapter.validate_json(json.dumps(told, default=str), strict=True)
+    except ValidationError as error:
+        raise DataError(f"{path}: {complaint(error, adapter, told)}") from None
 
 
 def environment(adapter: Adapter) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, complaint
 from terrain_forge.evaluation.poses import read_kitti_poses, read_poses
 from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
 
@@ -57,11 +57,8 @@ def read_options(changes: Iterable[str]) -> ScoreOptions:
         if not equals:
             raise DataError(f"--set {change}: must be key=value, such as align=all")
         given[key.strip()] = value.strip()
+    adapter = TypeAdapter(ScoreOptions)
     try:
-        return TypeAdapter(ScoreOptions).validate_strings(given)
+        return adapter.validate_strings(given)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        names = ", ".join(vars(ScoreOptions()))
-        told = f"unknown, there are: {names}" if "unexpected" in first["type"] else first["msg"]
-        raise DataError(f"--set {key}: {told}") from None
+        raise DataError(f"--set {complaint(error, adapter, given)}") from None

@@ -91,6 +91,7 @@ def differences(recording: Recording, results: Sequence[Result]) -> Iterator[str
             f"{options['stations_m']:g} m, median; the paper does not say by what it takes the "
             "third, nor at which poses it looks"
         )
+    yield from dict.fromkeys(one.score.note for one in results if one.score and one.score.note)
     runs = max((one.number for one in results), default=1)
     yield f"runs: {runs} here, one in the paper"
 

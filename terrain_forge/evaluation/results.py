@@ -77,8 +77,9 @@ def result_rows(results: Sequence[Result]) -> list[list[str]]:
         if beside:
             told = paper[name]
             row += [told.system, f"{told.ate:.4g}", _percent(told.drift)] if told else [""] * 3
-        wrong = [one.run for one in mine if one.score is None]
-        rows.append([*row, f"{wrong[0].status}: {wrong[0].why}" if wrong else "done"])
+        wrong = [f"{one.run.status}: {one.run.why}" for one in mine if one.score is None]
+        notes = [one.score.note for one in mine if one.score and one.score.note]
+        rows.append([*row, (*wrong, *notes, "done")[0]])
     return rows
 
 

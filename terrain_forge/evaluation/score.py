@@ -101,6 +101,14 @@ class Score(Record):
     aligned: Array = field(metadata={"dtype": np.float64, "shape": ("poses", 3)})
     """The estimate's places in the truth's frame [m], shape [poses, 3]."""
 
+    @property
+    def note(self) -> str:
+        """Why figures are missing; empty where none are."""
+        if self.drift is not None:
+            return ""
+        over = dict(self.options)["drift_over_m"]
+        return f"no TDr: the path of {self.length:.3g} m is shorter than drift_over_m, {over:g} m"
+
 
 def spread(errors: Array) -> Spread | None:
     """The figures of some errors; None where there are none."""

@@ -26,6 +26,7 @@ _COLUMNS = (
     ("yaw drift", "deg", "yaw_drift.median"),
     ("KITTI t", "%", "kitti.translation"),
     ("KITTI r", "deg/m", "kitti.rotation"),
+    ("note", "", "note"),
 )
 """Heading, unit, and what stands in the column."""
 _FACTORS = {"%": 100.0, "deg": _DEGREES, "deg/m": _DEGREES}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import Array, OutputError, Progress, Stopwatch, silent
-from terrain_forge.building import pace, replacing, require_ours, write_manifest
+from terrain_forge.building import pace, replacing, require_ours, told_files, write_manifest
 from terrain_forge.illumination.files import write_film, write_hours, write_maps, write_table
 from terrain_forge.illumination.land import Land, Source, find_land
 from terrain_forge.illumination.period import Light, light_over, moments_of, solar_day
@@ -146,7 +146,7 @@ def illuminate(
         lines = _write(folder, site, land, light, moments, above, facts, hours)
         write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
     heading = (
-        *([f"removed from {out}: {', '.join(removed)}"] if removed else []),
+        *([f"removed from {out}: {', '.join(told_files(removed))}"] if removed else []),
         f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; looked {land.told}",
         f"sunlight {light.sunlight.mean():.4g} h of {hours:.4g} h on average, "
         f"{light.sunlight.min():.4g} to {light.sunlight.max():.4g} h; "

@@ -122,6 +122,7 @@ class _Land(NamedTuple):
 
 
 def _lay_land(site: Site, window: Window, progress: Stopwatch) -> _Land:
+    site.require_window(window)
     recipe, rocks = site.recipe, site.recipe.rocks
     progress("rock library", 0.0)
     library = find_library(rocks.library, custom=site.meshes)

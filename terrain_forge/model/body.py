@@ -7,16 +7,26 @@ the group `terrain_forge.bodies` names (docs/bodies.md). Nothing else asks which
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, Record, portable
+from terrain_forge.base import (
+    Array,
+    FileName,
+    Fraction,
+    NotNegative,
+    Positive,
+    Record,
+    complaint,
+    portable,
+)
 from terrain_forge.model.orbit import Ephemeris
 
-RGB = tuple[float, float, float]
+RGB = tuple[Fraction, Fraction, Fraction]
 Surface = Literal["regolith", "bedrock", "rock"]
 """What a wheel rolls on: loose ground, ground of solid rock, or a rock that lies on the ground."""
 
@@ -30,11 +40,11 @@ class SurfaceFriction(Record):
     an assumption.
     """
 
-    coefficient: float
+    coefficient: Positive
     """Coulomb coefficient that is used by default."""
-    lowest: float
+    lowest: Positive
     """Lower end of the plausible range."""
-    highest: float
+    highest: Positive
     """Upper end of the plausible range."""
     source: str
     """Where it comes from; begins with `assumption` where it has not been measured."""
@@ -78,11 +88,11 @@ class Chronology(Record):
     al.).
     """
 
-    burst: float
+    burst: NotNegative
     """a [1/km²]."""
     rate: float = 6.93
     """b [1/10⁹ years]."""
-    steady: float
+    steady: NotNegative
     """c [1/(km² · 10⁹ years)]."""
 
     def number(self, age: ArrayLike) -> Array:
@@ -119,13 +129,13 @@ class ProductionFunction(Record):
 class CraterConstants(Record):
     """What craters of a body are like, and how many there are."""
 
-    largest_simple: float
+    largest_simple: Positive
     """Diameter [m] at which craters become complex."""
-    depth: tuple[float, float]
+    depth: tuple[Positive, float]
     """Depth over diameter of fresh craters, crest to floor, as (a, b): a D^b, D in km."""
-    shallow: tuple[float, float] = (0.0, 1.0)
+    shallow: tuple[Fraction, Positive] = (0.0, 1.0)
     """Small ones are shallower, as (c, s): that ratio times 1 - c exp(-D / s), s in m."""
-    diffusivity_1_km: float | None = None
+    diffusivity_1_km: NotNegative | None = None
     """Diffusivity that wears craters of 1 km and more [m²/10⁶ years]; None for what holds them at
     equilibrium, as it wears the small ones."""
     equilibrium: str
@@ -155,7 +165,7 @@ class Soil(Record):
 class Dust(Record):
     """Dust in the air, which scatters light: figures for linear red, green, blue."""
 
-    tau: float
+    tau: NotNegative
     """Optical depth of the whole column, alike in all colours."""
     albedo: RGB
     """Part of the light that a grain does not absorb."""
@@ -165,9 +175,9 @@ class Dust(Record):
     """Mean cosine of the angle by which that part is turned."""
     wide: RGB
     """Mean cosine of the angle by which the other part is turned."""
-    height: float
+    height: Positive
     """Height in which its density falls to 1/e [m]."""
-    air_masses: float
+    air_masses: Positive
     """Columns of dust on a level line of sight: √(π/2 · radius / height)."""
     source: str
     """Where the figures come from."""
@@ -181,7 +191,7 @@ class Photometry(Record):
     without coherent backscatter and with the porosity factor 1. Colours scale it.
     """
 
-    albedo: float
+    albedo: Fraction
     """Albedo w of a single particle, which tells how much is scattered more than once."""
     lobe: float
     """b: how narrow both lobes of a particle are, 0 where it scatters alike all around."""
@@ -201,15 +211,15 @@ class Photometry(Record):
 class Body(Record):
     """A planet or moon as far as a rover's world needs it."""
 
-    name: str
+    name: FileName
     """Lower-case name, as the recipe writes it."""
-    gravity: float
+    gravity: Positive
     """Surface gravity [m/s²], towards -z."""
-    mean_radius: float
+    mean_radius: Positive
     """Mean radius [m]; a DTM whose ellipsoid is within 5 % of it is one of the body."""
-    solar_irradiance: float
+    solar_irradiance: Positive
     """Irradiance at the mean distance from the Sun, above any atmosphere [W/m²]."""
-    sun_diameter: float
+    sun_diameter: Positive
     """Apparent diameter of the Sun [rad]."""
     airless: bool
     """Whether there is no wind that could move soil."""
@@ -221,16 +231,16 @@ class Body(Record):
     """Kinds of regolith that a recipe can name."""
     rock_rgb: RGB
     """Colour of the rocks as a camera shows it, sRGB 0 to 1."""
-    rock_density: float
+    rock_density: Positive
     """Density of a rock [kg/m³]."""
     rock_decay: tuple[float, float] | None
     """Golombek's q(k) = a + b / k [1/m] of the body's rocks as (a, b); None where there is no fit.
     """
-    roughness: tuple[float, float]
+    roughness: tuple[Fraction, NotNegative]
     """Fallback where no DTM tells: Hurst exponent, RMS deviation at 1 m [m]."""
     friction: Frictions
     """Friction of wheels."""
-    repose: float | None = None
+    repose: Positive | None = None
     """Steepest slope at which its loose ground rests [rad]; None where nobody knows."""
     relief: tuple[float, float] | None = None
     """Heights of its lowest and highest ground above the datum [m]; None where not known."""
@@ -243,3 +253,28 @@ class Body(Record):
     ephemeris: Ephemeris | None = None
     """Orbit, rotation and figure, which tell the Sun's place by date; None where a recipe must give
     its azimuth and elevation."""
+
+
+def unfit(body: Body) -> str:
+    """Why no world can be made of a body, as the types of its fields say; empty if one can."""
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+    limits = ConfigDict(arbitrary_types_allowed=True, allow_inf_nan=False, strict=True)
+    for place, kind, value in _values(body, "has "):
+        adapter: TypeAdapter[Any] = TypeAdapter(tuple[kind], config=limits)  # type: ignore[valid-type]
+        try:
+            adapter.validate_python((value,))
+        except ValidationError as error:
+            return f"{place} that {complaint(error, adapter, (value,)).words}"
+    return ""
+
+
+def _values(record: Record, place: str) -> Iterator[tuple[str, Any, Any]]:
+    """The place, type and value of all fields of a record, and of the records in them."""
+    kinds = get_type_hints(type(record), include_extras=True)
+    for one in fields(record):
+        value, inner = getattr(record, one.name), f"{place}{one.name}"
+        yield inner, kinds[one.name], value
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, Record):
+                yield from _values(part, f"{inner}.")

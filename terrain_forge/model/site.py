@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record, portable, shaped
+from terrain_forge.base import DataError, Record, portable, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import (
@@ -249,6 +249,21 @@ class Site(Record):
         """Column and row of the site's nodes at which a part of its ground begins."""
         east, north = ground.origin
         return round((east - self.west) / self.spacing), round((north - self.south) / self.spacing)
+
+    def require_window(self, window: Window) -> None:
+        """Refuse a window that does not lie in the site.
+
+        Raises:
+            DataError: tells its cells and the site's.
+        """
+        whole = self.window
+        west, east = window.column, window.column + window.columns
+        south, north = window.row, window.row + window.rows
+        if min(west, south) < 0 or east > whole.columns or north > whole.rows:
+            raise DataError(
+                f"window of columns {west} to {east} and rows {south} to {north}: the site "
+                f"{self.name!r} has columns 0 to {whole.columns} and rows 0 to {whole.rows}"
+            )
 
     def padded(self, window: Window, margin: float) -> Window:
         """The window grown by at least `margin` [m] on each side, as far as the site goes."""

@@ -4,7 +4,6 @@ from .dataset import DatasetSpec as DatasetSpec
 from .exports import ExportOrder as ExportOrder
 from .exports import export_orders as export_orders
 from .file import RecipeFile as RecipeFile
-from .file import explained as explained
 from .file import load_recipe as load_recipe
 from .file import read_mapping as read_mapping
 from .file import save_recipe as save_recipe

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 from pydantic import ValidationError
 
-from terrain_forge.base import RecipeError, hint_at
+from terrain_forge.base import RecipeError, complaint, dotted
 from terrain_forge.model import Exporter, exporter, options_adapter
-from terrain_forge.recipe.file import explained
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -70,12 +69,7 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
     except RecipeError as error:
         raise RecipeError(str(error), key=(*key, *error.key)) from None
     except ValidationError as error:
-        first = error.errors()[0]
-        option = ".".join(map(str, first["loc"]))
-        message = f"option {option!r} of {kind}: {explained(dict(first), first['loc'])}"
-        if first["type"] == "unexpected_keyword_argument":
-            allowed = sorted(field.name for field in fields(found.Options) if field.name != "kind")
-            has = ", ".join(allowed) or "none"
-            message = f"{kind} has no option {option!r}{hint_at(option, allowed)}, it has: {has}"
-        raise RecipeError(message, key=(*key, *first["loc"][:1])) from None
+        told = complaint(error, adapter, options)
+        why = f"option {dotted(told.key)!r} of {kind}: {told.words}{told.rest}"
+        raise RecipeError(why, key=(*key, *told.key)) from None
     return ExportOrder(folder=folder, kind=kind, exporter=found, options=checked)

@@ -23,14 +23,13 @@ from terrain_forge.base import (
     OutputError,
     RecipeError,
     TerrainForgeError,
-    hint_at,
+    complaint,
+    dotted,
     read_text,
 )
-from terrain_forge.recipe.renames import current_key, dotted, rename_keys, warn_renamed
-from terrain_forge.recipe.schema import Recipe, adapter, json_schema
+from terrain_forge.recipe.renames import current_key, rename_keys, warn_renamed
+from terrain_forge.recipe.schema import Recipe, adapter
 
-_UNION = ("tuple[", "dict[", "function-")
-"""How pydantic begins the names of nameless union members in a location."""
 MAX_RECIPE = 2**20
 """Bytes of a recipe."""
 MAX_DEPTH = 50
@@ -278,139 +277,5 @@ def _set_below(lines: Lines, key: Key) -> int | str:
 
 
 def _explain(path: Path, lines: Lines, data: Any, error: ValidationError) -> str:
-    # A misspelt key is also a missing one: the misspelling is what helps.
-    unknown = "unexpected_keyword_argument"
-    first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
-    key = _real_key(data, first["loc"])
-    there = [error for error in rest if _real_key(data, error["loc"]) == key]
-    message = _either([explained(dict(error), key) for error in (first, *there)])
-    more = f" (and {len(rest) - len(there)} more)" if len(rest) > len(there) else ""
-    return _locate(path, lines, key, message) + more
-
-
-def _either(messages: list[str]) -> str:
-    """What one value may be where it may be of several types, each of which says so."""
-    wanted = [message.partition(", found ")[0].removeprefix("must be ") for message in messages]
-    if len(wanted) < 2 or not all(message.startswith("must be ") for message in messages):
-        return messages[0]
-    found = messages[0].partition(", found ")[2]
-    return f"must be {' or '.join(dict.fromkeys(wanted))}, found {found}"
-
-
-def _meant(error: ValidationError) -> list[Any]:
-    """The errors without those of union members that the user did not mean.
-
-    `exports` and `sensors` may be a list or a mapping; pydantic reports what is wrong with both.
-    """
-    errors = error.errors()
-    shapes = [e for e in errors if len(e["loc"]) > 1 and str(e["loc"][1]).startswith(_UNION)]
-    if not shapes:
-        return errors
-    key = shapes[0]["loc"][0]
-    inside = [e for e in errors if e["loc"][0] == key and len(e["loc"]) > 2]
-    return inside or [{**shapes[0], "type": "list_or_mapping"}]
-
-
-def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:
-    """The key in the file: pydantic's location without the names of union members."""
-    key: list[str | int] = []
-    inside = False  # of a union's member, whose name is the mapping's `kind`
-    for n, step in enumerate(loc):
-        last = n == len(loc) - 1
-        if str(step).startswith(_UNION) or step == "[key]":
-            continue
-        if isinstance(data, dict) and not (last or inside) and data.get("kind") == step:
-            inside = True
-        elif isinstance(data, dict) and (step in data or (last and isinstance(step, str))):
-            key.append(step)
-            data, inside = data.get(step), False
-        elif isinstance(data, list) and isinstance(step, int):
-            key.append(step)
-            data = data[step] if step < len(data) else None
-    return tuple(key)
-
-
-def explained(error: dict[str, Any], key: Key) -> str:
-    """What is wrong and what is allowed, of an error of pydantic's at a key."""
-    found, context = error["input"], error.get("ctx", {})
-    match error["type"]:
-        case "unexpected_keyword_argument":
-            return _unknown_key(str(key[-1]), error["loc"])
-        case "list_or_mapping":
-            return f"must be a list or a mapping, found {_shown(found)}"
-        case "dataclass_type" | "dataclass_exact_type" | "dict_type":
-            return f"must be a mapping of keys, found {_shown(found)}"
-        case "union_tag_not_found" | "union_tag_invalid" if not isinstance(found, dict):
-            return f"must be a mapping of keys, found {_shown(found)}"
-        case "tuple_type" | "list_type":
-            return f"must be a list, found {_shown(found)}"
-        case "too_short" if "min_length" in context:
-            return f"needs at least {context['min_length']}, has {context['actual_length']}"
-        case "too_long" if "max_length" in context:
-            return f"takes at most {context['max_length']}, has {context['actual_length']}"
-        case "string_too_short" | "string_too_long":
-            return f"must have 1 to {context.get('max_length', 'any number of')} characters"
-        case "missing" | "missing_argument" | "missing_keyword_only_argument":
-            return "is missing"
-        case "union_tag_invalid":
-            kinds = context["expected_tags"]
-            hint = hint_at(str(context["tag"]), [kind.strip(" '") for kind in kinds.split(",")])
-            return f"unknown kind {context['tag']!r}{hint}, allowed: {kinds}"
-        case "literal_error":
-            allowed = context["expected"]
-            words = re.findall("'([^']*)'", allowed)
-            hint = hint_at(found, words) if isinstance(found, str) else ""
-            return f"must be {allowed}, found {_shown(found)}{hint}"
-        case "union_tag_not_found":
-            return "needs a `kind`"
-        case "predicate_failed" if key[-1:] == ("url",):
-            return (
-                "must be an address that begins with http:// or https://, without spaces or a "
-                f"password, found {_shown(found)}"
-            )
-        case "predicate_failed":
-            return f"must be a name without / \\ : or a leading dot, found {_shown(found)}"
-        case "unknown_preset":
-            return str(error["msg"])
-        case "value_error":
-            return f"{error['msg'].removeprefix('Value error, ')}, found {_shown(found)}"
-    return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
-
-
-def _shown(found: Any) -> str:
-    if found is None:
-        return "nothing"
-    text = json.dumps(found, default=str, ensure_ascii=False)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _unknown_key(name: str, loc: tuple[str | int, ...]) -> str:
-    """What is wrong with a key, and which keys the JSON Schema allows there."""
-    schema = node = json_schema(exporters=False)
-    for step in loc[:-1]:
-        node = _descend(schema, node, step)
-    allowed = sorted(_resolve(schema, node).get("properties", {}))
-    return f"unknown key {name!r}{hint_at(name, allowed)}, allowed: {', '.join(allowed)}"
-
-
-def _resolve(schema: dict[str, Any], node: dict[str, Any], kind: str = "object") -> dict[str, Any]:
-    """What a node of the schema refers to; of several shapes that of a kind, if there is one."""
-    while "$ref" in node:
-        node = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
-    options = [o for o in node.get("anyOf", []) if o.get("type") != "null"]
-    meant = sorted(options, key=lambda o: o.get("type", "object") != kind)
-    return _resolve(schema, meant[0], kind) if meant else node
-
-
-def _descend(schema: dict[str, Any], whole: dict[str, Any], step: str | int) -> dict[str, Any]:
-    if isinstance(step, int):
-        return dict(_resolve(schema, whole, "array").get("items", {}))
-    node = _resolve(schema, whole)
-    if step in node.get("properties", {}):
-        return dict(node["properties"][step])
-    for option in node.get("oneOf", []):  # a step into a union is the member's kind
-        member = _resolve(schema, option)
-        kind = member.get("properties", {}).get("kind", {})
-        if step in (kind.get("const"), kind.get("default"), member.get("title")):
-            return member
-    return whole
+    told = complaint(error, adapter(), data)
+    return _locate(path, lines, told.key, told.words) + told.rest

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Key, OutputError, RecipeError, RecipeWarning
+from terrain_forge.base import Key, OutputError, RecipeError, RecipeWarning, dotted
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,6 @@ def warn_renamed(where: str, old: Key, new: Key, *, above: int = 4) -> None:
     warnings.warn(
         f"{where}: {dotted(old)} is now called {new[-1]}", RecipeWarning, stacklevel=above
     )
-
-
-def dotted(key: Key) -> str:
-    """A key as users read it: `rocks.populations[0].name`."""
-    return "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in key).lstrip(".")
 
 
 def _is_kind(rename: Rename, place: Key, mapping: Any) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import reprlib
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -19,6 +18,7 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
+    complaint,
     documented,
 )
 from terrain_forge.dtm import ArrayDtm, FlatDtm, HorizonSpec, RasterDtm
@@ -270,7 +270,4 @@ def recipe_from_json(text: str) -> Recipe:
     try:
         return adapter().validate_json(text, strict=True)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"]))
-        found = f"{first['msg']}, found {reprlib.repr(first['input'])}"
-        raise RecipeError(f"{key}: {found}" if key else found) from None
+        raise RecipeError(str(complaint(error, adapter(), json.loads(text)))) from None

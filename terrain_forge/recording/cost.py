@@ -14,6 +14,10 @@ from terrain_forge.recording.rig import QUICK
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.sensors import Frames, instrument_kinds
 
+_INERTIAL = "imu", "inclinometer"
+"""Kinds that measure the motion's second derivatives."""
+_BEYOND = 200.0
+"""A rate so many times the highest frequency of a motion is far above it."""
 PIXEL = 1.2e-7, 0.45
 """Time to make a pixel of a grey picture of 8 bits [s], and its bytes, on the machine of
 `building.pace`."""
@@ -145,11 +149,15 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
         site: The planned site.
         sensors: The rover's.
     """
-    spec = site.recipe.dataset
-    if spec is None:
+    spec = site.recipe.dataset or DatasetSpec()
+    recorded = _recorded(sensors, spec)
+    warnings = _warnings(site, recorded, spec)
+    if site.recipe.dataset is None:
+        yield from warnings
         return
-    names = ", ".join(one.name for one in _recorded(sensors, spec))
+    names = ", ".join(one.name for one in recorded)
     yield f"recording      path {_path(site, spec)}, {spec.motion}: {names}"
+    yield from warnings
     cost = recording_cost(site, sensors)
     if cost is None:
         yield "  cost         known when its path is planned on the finished ground"
@@ -158,6 +166,21 @@ def recording_lines(site: Site, sensors: Sequence[Sensor]) -> Iterator[str]:
         f"  cost         {cost.length:,.0f} s, {cost.frames:,.0f} measurements: about "
         f"{cost.seconds / 60:,.1f} min, {size_text(int(cost.size))} on disk"
     )
+
+
+def _warnings(site: Site, sensors: Sequence[Sensor], spec: DatasetSpec) -> Iterator[str]:
+    """Lines that name sensors whose rate is far above what the motion along the path holds."""
+    path = next((path for path in site.recipe.paths if path.name == _path(site, spec)), None)
+    if path is None or spec.motion != "path":
+        return
+    highest = 0.5 * path.rate_hz
+    for one in sensors:
+        if one.kind in _INERTIAL and one.rate_hz > _BEYOND * highest:
+            yield (
+                f"  warning      {one.name}: {one.rate_hz:g} Hz, the motion along a path of "
+                f"rate_hz {path.rate_hz:g} holds nothing above {highest:g} Hz: a smooth curve "
+                "and noise; motion: drive has the suspension's jolts"
+            )
 
 
 def _rate(sensor: Sensor, spec: DatasetSpec) -> float:

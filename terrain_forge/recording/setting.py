@@ -10,9 +10,9 @@ from functools import partial
 
 from pydantic import ValidationError
 
-from terrain_forge.base import Progress, RecipeError, hint_at, silent
+from terrain_forge.base import Progress, RecipeError, complaint, hint_at, silent
 from terrain_forge.model import Sensor, World, options_adapter
-from terrain_forge.recipe import DatasetSpec, explained
+from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.rocks import with_pebbles
 from terrain_forge.sensors import (
@@ -33,13 +33,11 @@ def checked(spec: DatasetSpec) -> DatasetSpec:
     Raises:
         RecipeError: for what the schema does not allow.
     """
+    adapter, plain = options_adapter(DatasetSpec), asdict(spec)
     try:
-        found: DatasetSpec = options_adapter(DatasetSpec).validate_python(asdict(spec))
+        found: DatasetSpec = adapter.validate_python(plain)
     except ValidationError as error:
-        first = error.errors()[0]
-        field = ".".join(map(str, first["loc"]))
-        why = explained(dict(first), first["loc"])
-        raise RecipeError(f"dataset.{field}: {why}") from None
+        raise RecipeError(f"dataset.{complaint(error, adapter, plain)}") from None
     return found
 
 

@@ -18,7 +18,16 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Lt
 from pydantic import Field, TypeAdapter, ValidationError
 
-from terrain_forge.base import DataError, Pair, Positive, RecipeError, Spec, load_plugin, plugins
+from terrain_forge.base import (
+    DataError,
+    Pair,
+    Positive,
+    RecipeError,
+    Spec,
+    complaint,
+    load_plugin,
+    plugins,
+)
 from terrain_forge.model import Grousers, Rover, Sensor, Shape, Wheel, sensor_kinds
 from terrain_forge.rovers.custom import FileRover, RoverSpec
 from terrain_forge.rovers.expressions import Scope, Value, evaluate
@@ -174,6 +183,9 @@ def _describe(file: Path) -> Description:
     try:
         plain = YAML(typ="safe", pure=True).load(file.read_text(encoding="utf-8"))
         told: Description = _adapter(Description).validate_json(json.dumps(plain), strict=True)
+    except ValidationError as error:
+        why = complaint(error, _adapter(Description), plain)
+        raise DataError(f"{file.name}: {why}", key=_KEY) from None
     except (YAMLError, ValueError) as error:
         raise DataError(f"{file.name}: {' '.join(str(error).split())}", key=_KEY) from None
     return told

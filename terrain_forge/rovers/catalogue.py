@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import numpy as np
-from pydantic import Discriminator, Tag, TypeAdapter
+from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
-from terrain_forge.base import RecipeError, TerrainForgeError, hint_at
+from terrain_forge.base import RecipeError, TerrainForgeError, complaint, hint_at
 from terrain_forge.model import Rover
 from terrain_forge.rovers.assembly import Assembly
 from terrain_forge.rovers.bounds import FileError, parse_xml, read_xml
@@ -65,11 +65,18 @@ def find_rover(name: str, **options: Any) -> Rover:
         options: What shall differ, by the keys of `rover: {kind: name, …}` (docs/recipe.md).
 
     Raises:
-        RecipeError: if there is none; suggests the nearest name and lists all.
+        RecipeError: if there is none, which suggests the nearest name and lists all, or it has not
+            what shall differ.
     """
     known = built_in_rovers()
     if name in known:
-        return build_rover(_adapter(known[name]).validate_python(options))
+        adapter = _adapter(known[name])
+        try:
+            choice = adapter.validate_python(options)
+        except ValidationError as error:
+            told = complaint(error, adapter, options)
+            raise RecipeError(f"rover {name!r}: {told}", key=("rover", *told.key)) from None
+        return build_rover(choice)
     raise RecipeError(
         f"unknown rover {name!r}{hint_at(name, known)}, known: {', '.join(known)}; a "
         "rover of your own is `{kind: file, file: …}`",

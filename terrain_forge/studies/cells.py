@@ -11,9 +11,9 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, RecipeError
+from terrain_forge.base import OutputError, RecipeError, complaint
 from terrain_forge.evaluation import Adapter
-from terrain_forge.recipe import RecipeFile, explained, input_paths, recipe_json
+from terrain_forge.recipe import RecipeFile, input_paths, recipe_json
 from terrain_forge.recipe import sha256 as digest_of
 from terrain_forge.studies.factors import RECIPE, RECORD, Base, Factor, Level, factors_of, seeds_of
 from terrain_forge.studies.spec import RecordSpec, StudyFile
@@ -125,16 +125,12 @@ def _record(file: StudyFile, levels: Mapping[str, Level]) -> RecordSpec:
     spec = file.spec.record
     for name, level in levels.items():
         told = {k.removeprefix(RECORD): v for k, v in level.changes if k.startswith(RECORD)}
+        plain = plain_of(spec) | told
         try:
-            if told:
-                text = json.dumps(plain_of(spec) | told)
-                spec = _record_adapter().validate_json(text, strict=True)
+            spec = _record_adapter().validate_json(json.dumps(plain), strict=True)
         except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(map(str, first["loc"]))
-            place = file.place("study", name)
-            why = explained(dict(first), first["loc"])
-            raise RecipeError(f"{place}: {name}: {RECORD}{key}: {why}") from None
+            why = complaint(error, _record_adapter(), plain)
+            raise RecipeError(f"{file.place('study', name)}: {name}: {RECORD}{why}") from None
     return spec
 
 

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Interval, MinLen
 
-from terrain_forge.base import DataError, FileName, Key, RecipeError, Spec, hint_at
+from terrain_forge.base import DataError, FileName, Key, RecipeError, Spec, complaint
 from terrain_forge.evaluation import Adapter, ScoreOptions, find_system, with_binaries
-from terrain_forge.recipe import explained, read_mapping
+from terrain_forge.recipe import read_mapping
 
 Seeds = Annotated[int, Interval(ge=1, le=10_000)] | Annotated[tuple[int, ...], MinLen(1)]
 
@@ -114,20 +114,15 @@ def read_study(path: Path | str) -> StudyFile:
     if not path.exists() and str(path) in shipped_studies():
         path = shipped_studies()[str(path)]
     data, lines = read_mapping(path, what="a study")
+    adapter = TypeAdapter(StudySpec)
     try:
-        text = json.dumps(data)
-        spec = TypeAdapter(StudySpec).validate_json(text, strict=True)
+        spec = adapter.validate_json(json.dumps(data), strict=True)
     except (TypeError, ValueError) as error:
         if not isinstance(error, ValidationError):
             raise RecipeError(f"{path}: {error}") from None
-        first = error.errors()[0]
-        key = tuple(first["loc"])
+        told = complaint(error, adapter, data)
         file = StudyFile(path=path, spec=None, lines=lines, systems=())  # type: ignore[arg-type]
-        told = explained(dict(first), key)
-        if "unexpected" in first["type"]:
-            known = list(vars(StudySpec(systems=("x",))))
-            told = f"unknown key{hint_at(str(key[-1]), known)}, there are: {', '.join(known)}"
-        raise RecipeError(f"{file.place(*key)}: {'.'.join(map(str, key))}: {told}") from None
+        raise RecipeError(f"{file.place(*told.key)}: {told}") from None
     file = StudyFile(path=path, spec=spec, lines=lines, systems=())
     if bool(spec.recipe) == bool(spec.recipes):
         raise RecipeError(f"{path}: a study has a `recipe`, or a list of `recipes`")

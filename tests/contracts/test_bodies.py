@@ -12,6 +12,7 @@ import rasterio
 import terrain_forge as tf
 from terrain_forge.building.checking import check_raster
 from terrain_forge.model import BODIES, World, exporter
+from terrain_forge.model.body import unfit
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.terrain import LIMITS, fresh_shapes
 
@@ -157,6 +158,25 @@ def test_mercury_is_written_end_to_end(worlds, tmp_path):
     assert world.lighting.irradiance == 9082.7
     for name in ("sdf", "mjcf", "usd"):
         assert (tmp_path / "out" / name).is_dir()
+
+
+@ALL
+def test_figures_that_cannot_be_are_told(body):
+    """As they are told of bodies of other packages, which are skipped then."""
+    assert unfit(body) == ""
+    regolith = body.friction.regolith
+    slippery = body.friction.replace(regolith=regolith.replace(coefficient=-1.0))
+    for name, value, told in (
+        ("gravity", 0.0, "has gravity that must be greater than or equal to 0"),
+        ("gravity", np.nan, "has gravity that must be a finite number, found NaN"),
+        ("mean_radius", -1.0, "has mean_radius that must be greater than"),
+        ("rock_density", "heavy", 'has rock_density that must be a valid number, found "heavy"'),
+        ("ground_rgb", (0.1, 0.2, 3.0), "has ground_rgb that must be less than or equal to 1"),
+        ("craters", None, "has craters that must be an instance of CraterConstants, found nothing"),
+        ("friction", slippery, "has friction.regolith.coefficient that must be greater than"),
+        ("name", "", "has name that must not be empty"),
+    ):
+        assert unfit(body.replace(**{name: value})).startswith(told)
 
 
 def test_rocks_of_mercury_have_no_decay_of_their_own():

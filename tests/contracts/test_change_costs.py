@@ -307,6 +307,7 @@ def test_schema_and_messages_know_them(installed, tmp_path):
 TWINS = """[terrain_forge.bodies]
 none = a_module_that_nobody_has
 moon = other_moon
+weightless = weightless
 [terrain_forge.size_laws]
 golombek = other_law
 [terrain_forge.route_shapes]
@@ -317,6 +318,7 @@ loop = other_loop
 def test_a_broken_or_doubled_one_is_skipped_with_a_warning(tmp_path, caplog):
     modules = {
         "other_moon.py": BODY.replace('"callisto"', '"moon"'),
+        "weightless.py": BODY.replace("gravity=1.236", "gravity=0.0"),
         "other_law.py": LAW.replace('"even"', '"golombek"'),
         "other_loop.py": SHAPE.replace('"clover"', '"loop"'),
     }
@@ -325,8 +327,10 @@ def test_a_broken_or_doubled_one_is_skipped_with_a_warning(tmp_path, caplog):
 
         assert tf.Recipe.__name__ == "Recipe"
         assert tf.BODIES["moon"].gravity == 1.62
+        assert "callisto" not in tf.BODIES
     for warning in (
         "body 'none' (a_module_that_nobody_has) is skipped: No module named",
+        "body 'weightless' (weightless) is skipped: callisto has gravity that must be greater than",
         "body 'moon' of other_moon is skipped: terrain_forge.model.bodies.moon has that name",
         "size law 'golombek' of other_law is skipped: terrain_forge.rocks.laws.golombek has that",
         "route shape 'loop' of other_loop is skipped: terrain_forge.paths.shapes.loop has that",

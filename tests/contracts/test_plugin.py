@@ -181,7 +181,7 @@ def report(out):
 
 WRONG = {
     "{xyz: {every: 0}}": ["option 'every' of xyz", "greater than or equal to 1"],
-    "{xyz: {evry: 2}}": ["no option 'evry'", "every, separator"],
+    "{xyz: {evry: 2}}": ["unknown key 'evry'", "every, separator"],
     "[xzy]": ["unknown exporter 'xzy'", "installed: broken, drake, empty, geotiff, glb, loud"],
     "[broken]": ["is installed but broken: "],
     "[empty]": ["is installed but broken: "],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,6 +36,16 @@ def site(seed):
         exports=(),
     )
     return tf.plan(recipe)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "columns", "rows"),
+    [(-1, 0, 4, 4), (48, 0, 1, 1), (0, 30, 4, 7), (0, 0, 49, 1)],
+)
+def test_a_window_outside_of_the_site_is_refused(column, row, columns, rows):
+    window = Window(column=column, row=row, columns=columns, rows=rows)
+    with pytest.raises(tf.DataError, match=r"has columns 0 to 48 and rows 0 to 36$"):
+        tf.realise(site(0), window)
 
 
 @cache
@@ -82,3 +93,13 @@ def test_a_cut_ground_has_the_heights_of_the_whole(window, share):
     west, south, east, north = part.bounds
     place = west + share[0] * (east - west), south + share[1] * (north - south)
     np.testing.assert_allclose(part.height_at(*place), ground.height_at(*place), atol=1e-9)
+
+
+def test_heights_outside_of_the_ground_are_refused():
+    """A border is inside, a point beyond it is not, whatever else is asked for."""
+    ground = worlds.ground()
+    west, south, east, north = ground.bounds
+    assert np.isfinite(ground.height_at([west, east], [south, north])).all()
+    for place in ((west - 1e-3, 0.0), (0.0, north + 1e-3), (np.nan, 0.0)):
+        with pytest.raises(tf.DataError, match="point outside the grid"):
+            ground.height_at([0.0, place[0]], [0.0, place[1]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -31,7 +32,8 @@ class Options(Spec):
     """Options of LuSNAR's layout."""
 
     camera: FileName | None = None
-    """The left camera of the pair, by its name or folder; the first pair by default."""
+    """The left camera of the pair, by its name or folder; the first pair by default that has depth
+    and classes."""
     labels: Literal["numbers", "lusnar"] = "numbers"
     """`numbers`: grey pictures of 0 regolith, 1 crater, 2 rock, 3 mountain, 4 sky, 255 none of
     them, and the same of points; `lusnar`: that dataset's colours, and -1 regolith, 174 rock of
@@ -51,13 +53,10 @@ class Lusnar(DatasetWriter):
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a stereo pair that has depth and classes."""
         pair = _pair(recording, options)
-        for camera in (pair.left, pair.right):
-            for channel in ("depth", "class"):
-                if channel not in camera.channels:
-                    raise ExportError(
-                        f"lusnar needs {channel} of {camera.name}: record with channels: "
-                        "[depth, class]"
-                    )
+        for camera, channel in _lacking(pair):
+            raise ExportError(
+                f"lusnar needs {channel} of {camera.name}: record with channels: [depth, class]"
+            )
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress
@@ -85,10 +84,18 @@ class Lusnar(DatasetWriter):
 
 
 def _pair(recording: Recording, options: Options) -> StereoPair:
-    for pair in recording.pairs:
+    for pair in sorted(recording.pairs, key=lambda pair: any(_lacking(pair))):
         if options.camera in (None, pair.left.key, pair.left.name):
             return pair
     raise ExportError("lusnar needs a stereo pair of cameras, and the recording has none")
+
+
+def _lacking(pair: StereoPair) -> Iterator[tuple[RecordedCamera, str]]:
+    """The cameras of a pair that lack a channel, each with it."""
+    for camera in (pair.left, pair.right):
+        for channel in ("depth", "class"):
+            if channel not in camera.channels:
+                yield camera, channel
 
 
 def _class_numbers(recording: Recording) -> NDArray[np.uint8]:

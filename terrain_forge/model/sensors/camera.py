@@ -97,7 +97,7 @@ class CameraSensor(Sensor):
     gamma: Annotated[float, Interval(ge=1, le=4)] = 1.0
     """Values are intensities to the power of 1/gamma; 1 for linear ones."""
     exposure: AnyExposure = field(default_factory=AutoExposure)
-    """Time of exposure and gain."""
+    """Time of exposure and gain; `auto` by default."""
     f_number: Annotated[float, Interval(ge=0.5, le=100)] = 2.0
     """Focal length over aperture."""
     pixel_um: Annotated[float, Interval(ge=0.1, le=1000)] = 4.0

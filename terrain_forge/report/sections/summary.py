@@ -18,11 +18,11 @@ _FOLDERS = {
     "world": "the world itself; World.load reads it back",
     "truth": "GeoTIFFs of ground, top surface and rock ids; rocks.csv; size-frequency verification",
     "paths": "trajectories as CSV and in the TUM format",
+    "dataset": "the recording",
     "validation": "every check with its figure, the driven path, pictures",
     "manifest.json": "the resolved recipe, versions, SHA-256 of every file",
     "timings.json": "wall times",
 }
-_EXPORT = "an export: world.* is the place, scene.* adds what moves in it"
 
 
 class Summary(Section):
@@ -123,5 +123,6 @@ class Files(Section):
         names = [path.name for path in entries if path.suffix not in (".log", ".html")]
         # The manifest is written last and the timings after it, but whoever reads this has them.
         present = sorted({*names, "manifest.json", "timings.json"})
-        rows: list[list[Shown]] = [[name, _FOLDERS.get(name, _EXPORT)] for name in present]
+        held = _FOLDERS | {export.folder: f"an export: {export.kind}" for export in built.exports}
+        rows: list[list[Shown]] = [[name, held.get(name, "")] for name in present]
         return [table(("File or folder", "What it holds"), rows, figures="ll")]

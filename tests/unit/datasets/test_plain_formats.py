@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from terrain_forge.datasets import open_recording, write_dataset
+from terrain_forge.base import ExportError
+from terrain_forge.datasets import dataset_kind, open_recording, write_dataset
 from tests.helpers.recordings import (
     BASELINE,
     EPOCH,
@@ -106,6 +108,21 @@ def test_what_is_too_far_for_tum_is_told(tmp_path):
     assert "6.2% of the pixels are farther than 13.107 m: 0." in losses
     written = np.asarray(Image.open(next((tmp_path / "out" / "depth").iterdir())))
     assert not written[:3].any()
+
+
+def test_lusnar_takes_the_first_pair_that_has_what_it_needs():
+    def pair(name, *channels):
+        left, right = (SimpleNamespace(key=k, name=k, channels=channels) for k in (name, "right"))
+        return SimpleNamespace(left=left, right=right)
+
+    bare, deep = pair("bare", "depth"), pair("deep", "class", "depth")
+    rig = SimpleNamespace(pairs=(bare, deep))
+    writer = dataset_kind("lusnar")()
+    writer.check(rig, writer.Options())
+    writer.check(rig, writer.Options(camera="deep"))
+    for wrong, options in ((rig, {"camera": "bare"}), (SimpleNamespace(pairs=(bare,)), {})):
+        with pytest.raises(ExportError, match="lusnar needs class of bare: record with"):
+            writer.check(wrong, writer.Options(**options))
 
 
 def test_lusnar(recording, tmp_path):

@@ -230,6 +230,8 @@ def test_flat_site_can_know_its_place():
         ({"source": "text.txt"}, "not a raster"),
         ({"source": "a.npz"}, r"\(an array: save it as a GeoTIFF.* dtm: {kind: array}\)"),
         ({"source": "e.hdr"}, r"\(the heights are in e.img: name that\)"),
+        ({"source": "f.img.hdr"}, r"\(the heights are in f.img: name that\)"),
+        ({"source": "alone.hdr"}, r"\(a header alone: put its data beside it, as one of alone, al"),
         ({"size_m": (500.0, 80.0)}, "400 × 300"),
         ({"centre": Centre(offset_m=(0.0, 120.0))}, "400 × 300"),
         ({"band": 2}, "band 2 of 1"),
@@ -238,7 +240,7 @@ def test_flat_site_can_know_its_place():
 )
 def test_dtm_that_cannot_serve(tmp_path, change, message):
     write_raster(tmp_path / "dtm.tif")
-    for name in ("text.txt", "a.npz", "e.hdr", "e.img"):
+    for name in ("text.txt", "a.npz", "e.hdr", "e.img", "f.img", "f.img.hdr", "alone.hdr"):
         (tmp_path / name).write_text("no raster")
     spec = RasterDtm(**{"source": "dtm.tif", "size_m": (100.0, 80.0)} | change)
     with pytest.raises(DataError, match=message):

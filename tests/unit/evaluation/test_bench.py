@@ -273,9 +273,9 @@ def test_by_default_those_that_are_there_and_find_their_sensors(dataset, monkeyp
 
 WRONG = {
     "- a list": "a system is a mapping of keys",
-    "needs: [radar]\ncommand: x": r"needs.0: Input should be 'mono', 'stereo'",
+    "needs: [radar]\ncommand: x": r"needs\[0\]: must be 'mono', 'stereo'",
     "needs: [imu]": "command: ",
-    "command: x\nformat: ply": "format: Input should be 'tum'",
+    "command: x\nformat: ply": "format: must be 'tum'",
     "command: x\nspeed: 3": "speed: ",
     "command: [x": "expected",
 }

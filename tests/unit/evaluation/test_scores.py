@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from terrain_forge.evaluation import (
     read_poses,
     score_poses,
 )
+from terrain_forge.evaluation.results import Result, result_lines, result_rows
 from tests.helpers.command_line import run
 
 
@@ -254,10 +257,29 @@ def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
     assert mine.read_text() == "mine"
 
 
+def test_a_path_that_is_too_short_for_a_drift_says_so(tmp_path):
+    truth = _circle(radius=1.0, turns=1.0, count=100)
+    path = _write_tum(tmp_path / "gt.tum", truth)
+    note = "no TDr: the path of 6.28 m is shorter than drift_over_m, 10 m"
+    done = run("evaluate", "--truth", path, "--estimate", path, "-o", tmp_path)
+    head, row = csv.reader((tmp_path / "evaluation.csv").read_text().splitlines())
+    assert dict(zip(head, row, strict=True))["TDr rms [%]"] == ""
+    assert (head[-1], row[-1]) == ("note", note)
+    assert note in done.stdout
+    done = run("evaluate", "--truth", path, "--estimate", path, "--set", "drift_over_m=5")
+    assert "note" not in done.stdout
+    score = score_poses(truth, truth)
+    adapter = SimpleNamespace(system="kiss-icp", status="done", why="", processor_s=1.0, memory=1.0)
+    result = Result(run=adapter, number=1, score=score, frame="base_link", world="mini")
+    assert result_rows([result])[1][-1] == note
+    assert result_lines([result])[1].endswith(note)
+    assert result_rows([result.replace(score=score_poses(_circle(), _circle()))])[1][-1] == "done"
+
+
 def test_an_unknown_option_is_told(tmp_path):
     path = _write_tum(tmp_path / "gt.tum", _circle(count=50))
     for change, told in {
-        "aline=all": "unknown, there are: align, third_by",
+        "aline=all": "unknown key 'aline' (did you mean 'align'?), allowed: align",
         "align=some": "'first_third', 'all', 'origin' or 'none'",
         "align": "must be key=value",
     }.items():

@@ -126,10 +126,14 @@ def test_check_counts_rocks_and_no_craters(tmp_path):
 @pytest.mark.parametrize(
     ("was", "now", "words"),
     [
-        ('"usd":{}', '"usd":{"friktion":1}', "exports.usd.friktion: usd has no option"),
+        (
+            '"usd":{}',
+            '"usd":{"friktion":1}',
+            "option 'friktion' of usd: unknown key",
+        ),
         ('"usd":{}', '"sdf":{"heightmap_bits":8}', "exports.sdf.heightmap_bits: has no effect"),
         ('"usd":{}', '"gone":{}', "exports.gone: unknown exporter"),
-        ('"spacing_m"', '"spacing"', "terrain.spacing_m: Field required"),
+        ('"spacing_m"', '"spacing"', "terrain.spacing: unknown key"),
     ],
 )
 def test_a_world_of_an_earlier_version_is_refused_in_one_line(

@@ -100,7 +100,7 @@ def test_shipped_recipes_are_sound(recipe):
         ("rover: morpheus", "rover: {kind: file, file: nowhere.urdf}", ["no such file: nowhere"]),
         ("exports: [sdf, mjcf, usd]", "exports: [sdf, blend]", ["blend", "mjcf, rover, sdf, usd"]),
         ("exports: [sdf, mjcf, usd]", "exports: {truth: {kind: sdf}}", ["'truth'"]),
-        ("exports: [sdf, mjcf, usd]", "exports: {sdf: {colour: 1}}", ["no option 'colour'"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {sdf: {colour: 1}}", ["unknown key 'colour'"]),
         ("drive: loop", "drive: long", ["'long'", "loop"]),
         ("schema: 1 ", "schema: 2 ", ["schema", "found 2"]),
         ("diameter_m: [0.5, 2.0]", "diameter_m: [30, 40]", ["half the site", "populations[1]"]),

@@ -24,9 +24,9 @@ exports: []
 
 @pytest.fixture
 def told(tmp_path):
-    def of(rate):
+    def of(rate, was="", now=""):
         file = tmp_path / "early.yaml"
-        file.write_text(RECIPE.replace("RATE", str(rate)))
+        file.write_text(RECIPE.replace("RATE", str(rate)).replace(was or "\0", now))
         return "\n".join(check(load_recipe(file).recipe, folder=tmp_path))
 
     return of
@@ -39,3 +39,20 @@ def test_a_path_shorter_than_a_frame_is_refused(told):
 
 def test_a_path_longer_than_a_frame_has_a_cost(told):
     assert "4 s, 2 measurements" in told(0.3)
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "warned"),
+    [
+        ("kind: imu", "kind: imu, rate_hz: 9999", True),
+        ("kind: imu", "kind: imu, rate_hz: 1000", False),
+        ("kind: imu}\ndataset: {path", "kind: imu, rate_hz: 9999}\ntiles: null # {path", True),
+        ("imu}\ndataset: {", "imu, rate_hz: 9999}\ndataset: {motion: drive, ", False),
+    ],
+)
+def test_a_rate_far_above_what_a_path_holds_is_warned_of(told, was, now, warned):
+    lines = told(1, was, now)
+    text = (
+        "warning      imu: 9999 Hz, the motion along a path of rate_hz 10 holds nothing above 5 Hz"
+    )
+    assert (text in lines) == ("warning  " in lines) == warned

@@ -372,7 +372,7 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
         monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
     with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts,"):
         tf.record(world, tmp_path, formats=("count",))
-    with pytest.raises(RecipeError, match="greetings: Unexpected keyword"):
+    with pytest.raises(RecipeError, match="greetings: unknown key 'greetings'"):
         tf.record(world, tmp_path, formats={"counts": {"greetings": "hi"}})
     with pytest.raises(tf.ExportError, match="needs a camera"):  # before hours of work
         tf.record(world, tmp_path, formats=("counts",), only=("imu", "lidar"))

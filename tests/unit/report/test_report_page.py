@@ -18,6 +18,7 @@ from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built, Section
 from terrain_forge.report.sections.checks import check_blocks
+from terrain_forge.report.sections.summary import Files
 from terrain_forge.report.sections.view import scripts
 from terrain_forge.terrain import slope_statistics
 from terrain_forge.truth.size_frequency import write_size_frequency
@@ -242,6 +243,19 @@ def test_each_simulator_has_its_command(report):
     assert "GAZEBO_MODEL_PATH=\"$PWD\"/'old gazebo'/models gazebo 'old gazebo'/scene.sdf" in text
     assert "usdview usd/scene.usda" in text
     assert "gone/" not in text
+
+
+def test_exports_of_others_are_told_by_their_kind_alone(tmp_path):
+    directory = tmp_path / "out"
+    for name in ("mine", "dataset", "unknown"):
+        (directory / name).mkdir(parents=True)
+    export = Export(folder="mine", kind="xyz", options={})
+    built = Built(directory=directory, world=worlds.world(), exports=(export,))
+    (told,) = Files().blocks(built)
+    rows = dict(told.rows)
+    assert rows["mine"] == "an export: xyz"
+    assert rows["dataset"] == "the recording"
+    assert rows["unknown"] == ""
 
 
 def test_what_is_missing_is_said(tmp_path):

@@ -109,7 +109,7 @@ def test_dimensions_change_the_rover():
         ({"dimensions": {"wheel_radius_m": 0.0}}, "wheel_radius_m", "greater than 0"),
         ({"dimensions": {"body_m": [0.7, -0.4, 0.2]}}, "body_m", "greater than 0"),
         ({"dimensions": {"wheel_mass_kg": 0}}, "wheel_mass_kg", "greater than 0"),
-        ({"dimensions": {"wheel_radius": 0.2}}, "wheel_radius", "nexpected keyword"),
+        ({"dimensions": {"wheel_radius": 0.2}}, "wheel_radius", "unknown key 'wheel_radius'"),
         ({"model": "pretty"}, "model", "'detailed' or 'simplified'"),
         ({"grousers": {"count": 2}}, "count", "greater than or equal to 3"),
         ({"kind": "morfeus"}, "rover", "a mapping whose kind is morpheus, skid4 or file"),

@@ -87,6 +87,17 @@ def test_an_export_is_failed_by_its_own_checks_and_by_new_ones_only(built, monke
         assert (done.returncode, "failed: sdf: ground: 1 m" in done.stderr) == (1, True)
 
 
+def test_one_export_from_python_is_a_text(built, monkeypatch):
+    """As the folder is; what a command would write is written."""
+    out, _ = built
+    monkeypatch.chdir(out.parent)
+    assert tf.export(out.name, "geotiff", force=True)
+    assert tf.export(str(out), ("geotiff",), force=True)
+    assert (out / "geotiff" / "elevation.tif").is_file()
+    with pytest.raises(tf.OutputError, match="exporter 'geotif'"):
+        tf.export(str(out), "geotif")
+
+
 def test_preview_draws_and_exports_nothing(recipe, tmp_path):
     done = run("preview", recipe, "-o", tmp_path / "look.png")
     assert done.returncode == 0, done.stderr
@@ -100,6 +111,18 @@ def test_preview_draws_and_exports_nothing(recipe, tmp_path):
         assert re.search(rf"^  {line}", done.stdout, re.MULTILINE), done.stdout
     assert done.stdout.splitlines()[-1].endswith("look.png")
     assert run("preview", recipe, "-o", tmp_path / "look.png").returncode == 0
+
+
+def test_a_first_preview_tells_that_it_compiles(recipe, tmp_path, monkeypatch):
+    """It does so as a build, before anything else."""
+
+    def compile_few(progress, **_):
+        progress("compile: 0 of 2 kernels, once", 0.0)
+
+    monkeypatch.setattr("terrain_forge.base.compile_ahead", compile_few)
+    done = run("preview", recipe, "-o", tmp_path / "look.png")
+    stages = re.findall(r"^terrain-forge: \d:\d\d ([\w ]+)", done.stderr, re.MULTILINE)
+    assert stages == ["compile", *tf.pipeline.MAKING]
 
 
 def test_preview_takes_the_place_of_nothing_but_a_preview(recipe, tmp_path):

@@ -905,7 +905,7 @@ def refused(text_or_spec, match, *, error=RecipeError, **changes):
 
 def test_ages_out_of_range():
     for age in ("4.6", "0", "-1"):
-        with pytest.raises(RecipeError, match=r"age_ga: Input should be .*, found"):
+        with pytest.raises(RecipeError, match=r"age_ga: must be .*, found"):
             recipe_from_json(AS_JSON % f'"kind":"neukum","age_ga":{age}')
     recipe_from_json(AS_JSON % '"kind":"neukum","age_ga":4.3')
 

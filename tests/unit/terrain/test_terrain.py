@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from terrain_forge.base import stage_key
 from terrain_forge.making import plan
 from terrain_forge.model import Image, Roughness, Window
+from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
 from terrain_forge.terrain import Fractal, layer_types, shape_ground
 from terrain_forge.terrain.layers import fractal
@@ -136,3 +139,20 @@ def test_sites_of_the_gallery_can_be_made_and_are_drawn(path):
     assert np.ptp(ground.elevation) > 0.02
     for kind in ("hillshade", "slope", "view"):
         assert 0 < (GALLERY / f"{path.stem}_{kind}.png").stat().st_size < 400_000
+
+
+def test_check_tells_the_roughness_that_is_made():
+    """That fitted to the DTM only where a layer takes it."""
+    recipe = load_recipe(ROOT / "recipes" / "hello.yaml").recipe
+
+    def told(*layers):
+        changed = replace(recipe, terrain=replace(recipe.terrain, layers=layers))
+        lines = check(changed, folder=ROOT / "recipes")
+        return [line.split(maxsplit=1)[1] for line in lines if line.startswith("  roughness")]
+
+    (fitted,) = told(Fractal())
+    assert "(the recipe)" not in fitted
+    own = Fractal(hurst=0.8, deviation_1m_m=0.02)
+    assert told(own) == ["H = 0.80, 2 cm at 1 m (the recipe)"]
+    assert told(own, Fractal()) == ["H = 0.80, 2 cm at 1 m (the recipe)", fitted]
+    assert told() == []
