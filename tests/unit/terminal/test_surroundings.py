@@ -17,7 +17,7 @@ from terrain_forge.recipe import write_starter
 from terrain_forge.terminal import require_preview
 from tests.helpers.command_line import run
 
-COMMAND = f"{shlex.quote(sys.executable)} -m terrain_forge doctor"
+COMMAND = f"{shlex.quote(sys.executable)} -m terrain_forge sites"
 
 
 @pytest.mark.parametrize("closed", ["2>&-", ">&-", ">&- 2>&-", "<&- >&- 2>&-"])
@@ -26,7 +26,7 @@ def test_a_closed_stream_changes_no_status(closed):
         f"{COMMAND} {closed}", shell=True, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
-    wrong = COMMAND.replace("doctor", "check /dev/null/none.yaml")
+    wrong = COMMAND.replace("sites", "init --recipe none")
     assert subprocess.run(f"{wrong} {closed}", shell=True, check=False).returncode == 2
 
 
