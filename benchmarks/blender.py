@@ -24,7 +24,7 @@ from exports import made_world
 
 from terrain_forge.model import World, exporter
 
-PROBE = Path(__file__).parents[1] / "tests" / "consumers" / "blender_world.py"
+PROBE = Path(__file__).parents[1] / "tests" / "consumers" / "programs" / "blender_world.py"
 FORMATS: dict[str, tuple[str, dict[str, Any], str]] = {
     "obj": ("mesh", {"format": "obj"}, "world.obj"),
     "stl": ("mesh", {"format": "stl"}, "world.stl"),

@@ -1,6 +1,7 @@
-"""The 3D Tiles in a viewer that is not ours: 3DTilesRendererJS in Chromium.
+"""The 3D Tiles in viewers that are not ours: 3DTilesRendererJS and CesiumJS in Chromium.
 
-Wants Chromium, `npm install 3d-tiles-renderer three`, and NODE_PATH to lead to its node_modules.
+Wants Chromium, `npm install 3d-tiles-renderer three cesium`, and NODE_PATH to lead to its
+node_modules.
 """
 
 from __future__ import annotations
@@ -85,6 +86,46 @@ frame();
 </script></body>"""
 
 
+CESIUM = """<!DOCTYPE html><meta charset="utf-8"><body>
+<div id="view" style="width:600px;height:450px"></div><pre id="told"></pre>
+<script>window.CESIUM_BASE_URL = "/modules/cesium/Build/Cesium/";</script>
+<script src="/modules/cesium/Build/Cesium/Cesium.js"></script>
+<script type="module">
+const given = GIVEN, failed = [], shown = new Set();
+const widget = new Cesium.CesiumWidget("view", {
+  globe: false, skyBox: false, skyAtmosphere: false, baseLayer: false, showRenderLoopErrors: false,
+  useDefaultRenderLoop: false,
+});
+const {scene, camera} = widget;
+scene.renderError.addEventListener((_, error) => failed.push(String(error)));
+const tiles = await Cesium.Cesium3DTileset.fromUrl("/site/glb/tileset.json");
+tiles.maximumScreenSpaceError = given.error;
+tiles.tileFailed.addEventListener(({url, message}) => failed.push(url + ": " + message));
+scene.primitives.add(tiles);
+const at = (place) => new Cesium.Cartesian3(...place);
+const direction = Cesium.Cartesian3.normalize(
+  Cesium.Cartesian3.subtract(at(given.at), at(given.eye), new Cesium.Cartesian3()),
+  new Cesium.Cartesian3());
+const right = Cesium.Cartesian3.normalize(
+  Cesium.Cartesian3.cross(direction, Cesium.Cartesian3.UNIT_Z, new Cesium.Cartesian3()),
+  new Cesium.Cartesian3());
+const up = Cesium.Cartesian3.cross(right, direction, new Cesium.Cartesian3());
+let still = 0, frames = 0;
+function frame() {
+  camera.setView({destination: at(given.eye), orientation: {direction, up}});
+  shown.clear();
+  widget.render();
+  still = tiles.tilesLoaded && shown.size ? still + 1 : 0;
+  frames++;
+  if (still < 20 && !failed.length) { setTimeout(frame, 20); return; }
+  document.getElementById("told").textContent =
+    JSON.stringify({shown: [...shown], failed, frames});
+}
+tiles.tileVisible.addEventListener((tile) => shown.add(tile.content.url));
+frame();
+</script></body>"""
+
+
 @pytest.fixture
 def view(built, tmp_path):
     """What the viewer shows of the site from a place, and what rays hit in it."""
@@ -112,8 +153,8 @@ def view(built, tmp_path):
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     threading.Thread(target=partial(server.serve_forever, 0.01), daemon=True).start()
 
-    def show(**asked):
-        given["page"] = PAGE.replace("GIVEN", json.dumps(asked))
+    def show(page=PAGE, **asked):
+        given["page"] = page.replace("GIVEN", json.dumps(asked))
         profile, address = tmp_path / "profile", f"http://127.0.0.1:{server.server_port}/"
         command = [BROWSER, *FLAGS, f"--user-data-dir={profile}", "--dump-dom", address]
         run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
@@ -172,3 +213,15 @@ def test_levels_beside_each_other_have_no_cracks(view, whole):
     assert told["failed"] == []
     assert len(levels(told)) > 1
     assert np.abs(heights(told, places, whole.ground)).max() < 0.5
+
+
+@pytest.mark.skipif(
+    MODULES is None or not (MODULES / "cesium").is_dir(), reason="NODE_PATH has no cesium"
+)
+def test_cesium_shows_the_levels_too(view):
+    far = view(CESIUM, eye=[0, -900, 900], at=[0, 0, 0], error=6)
+    assert far["failed"] == []
+    assert levels(far) == {"sixteenth": 6}
+    near = view(CESIUM, eye=[0, 0, 60], at=[0, 1, 0], error=0.01)
+    assert near["failed"] == []
+    assert levels(near) == {"full": 6}
