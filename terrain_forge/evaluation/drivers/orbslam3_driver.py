@@ -31,3 +31,6 @@ for (stamp, left), (_, right) in zip(*pictures, strict=True):
     slam.track_stereo(*images, stamp * 1e-9)
 slam.shutdown()
 slam.save_trajectory_tum(output)
+# Each picture in which it was lost has the line of the last one in which it was not.
+lines = Path(output).read_text().splitlines(keepends=True)
+Path(output).write_text("".join(dict.fromkeys(lines)))
