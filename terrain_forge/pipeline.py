@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from terrain_forge import building, making, recording, report, tiling, validation
+from terrain_forge import building, making, recording, report, tiling, validation, variation
 from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, require_scheduler
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -414,3 +414,6 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
         recording.require_recordable(recipe, rover)
         recording.require_long_enough(site, rover.sensors)
         yield from recording.recording_lines(site, rover.sensors)
+    if recipe.worlds is not None:
+        variation.require_drawable(recipe)
+        yield f"worlds         {variation.variation_line(recipe)}"

@@ -12,7 +12,7 @@ from terrain_forge.base.errors import hint_at
 if TYPE_CHECKING:
     from pydantic import TypeAdapter, ValidationError
 
-_UNION = ("tuple[", "dict[", "function-")
+_UNION = ("tuple[", "dict[", "literal[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
 _LONGEST = 60
 """Characters of a value that are shown."""
@@ -55,7 +55,8 @@ def complaint(error: ValidationError, adapter: TypeAdapter[Any], data: Any) -> C
         words = _unknown_key(adapter.json_schema(), first["loc"])
     else:
         words = _either([_words(error, key) for error in (first, *there)])
-    return Complaint(key, words, len(rest) - len(there))
+    others = [error for error in rest if key[: len(at := _real_key(data, error["loc"]))] != at]
+    return Complaint(key, words, len(others))
 
 
 def dotted(key: Key) -> str:
@@ -195,6 +196,8 @@ def _descend(schema: dict[str, Any], whole: dict[str, Any], step: str | int) -> 
     node = _resolve(schema, whole)
     if step in node.get("properties", {}):
         return dict(node["properties"][step])
+    if isinstance(more := node.get("additionalProperties"), dict):
+        return more
     for option in node.get("oneOf", []):  # a step into a union is the member's kind
         member = _resolve(schema, option)
         kind = member.get("properties", {}).get("kind", {})

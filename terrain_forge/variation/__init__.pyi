@@ -2,6 +2,8 @@
 
 from .drawing import Drawn as Drawn
 from .drawing import draw as draw
+from .drawing import require_drawable as require_drawable
+from .drawing import variation_line as variation_line
 from .grid import make_grid as make_grid
 from .series import ORDER as ORDER
 from .series import Worlds as Worlds

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeGuard
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from terrain_forge.base import (
     DataError,
     Key,
     RecipeError,
+    dotted,
     hint_at,
     stage_key,
     uniforms,
@@ -69,8 +70,8 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     """
     spec = recipe.worlds or WorldsSpec()
     level = difficulty if difficulty is not None else _level(spec.difficulty, recipe.seed, number)
-    plain = json.loads(recipe_json(recipe))
-    plain["worlds"], plain["name"] = None, f"{recipe.name}-{number:05}"
+    plain = _plain(recipe)
+    plain["name"] = f"{recipe.name}-{number:05}"
     if plain["horizon"]["reach_m"] is None:  # it would be most of a small world's bytes
         plain["horizon"]["reach_m"] = 0.0
     plain["seed"] = int(stage_key(recipe.seed, f"worlds/{number}/seed")) >> 1
@@ -78,14 +79,12 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     if spec.difficulty is not None and level is not None:
         values |= with_difficulty(plain, spec.difficulty, level)
     for key, wish in spec.vary.items():
-        if wish != "anywhere":
-            where = ("worlds", "vary", key)
-            value = _value(wish, level, recipe.seed, number, where)
+        where = ("worlds", "vary", key)
+        if _is_drawn(wish, where):
+            value = _value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
             _put(plain, key, value, where)
             values[key] = value
-        elif key != _CENTRE:
-            raise RecipeError(f"only {_CENTRE} can be `anywhere`", key=("worlds", "vary", key))
-    own = _checked(plain)
+    own = _checked(plain, ("worlds",))
     _require_goals(own, spec.arrival.distance_m)
     if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
         rank = level if _ranked(spec, own, level) else None
@@ -95,6 +94,67 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         site = plan(own, folder=folder)
     values["seed"] = own.seed
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
+
+
+def require_drawable(recipe: Recipe) -> None:
+    """Refuse what is drawn from, before a world is made, by the recipes at its ends.
+
+    Raises:
+        RecipeError: for the first key, difficulty or choice that gives no recipe.
+    """
+    spec = recipe.worlds or WorldsSpec()
+    for key, wish in spec.vary.items():
+        where = ("worlds", "vary", key)
+        if not _is_drawn(wish, where):
+            continue
+        place = dotted(tuple(int(word) if word.isdecimal() else word for word in key.split(".")))
+        steps = len(wish.choice or (0, 1)) - 1
+        for step in range(steps + 1):
+            chance, plain = step / max(steps, 1), _plain(recipe)
+            level = None if spec.difficulty is None else chance
+            _put(plain, key, _value(wish, level, chance, where), where)
+            try:
+                _checked(plain, where)
+            except RecipeError as error:
+                # What is wrong beside the key, another that is drawn may set right.
+                if f"cannot be: {place}:" in str(error):
+                    raise
+    if spec.difficulty is not None:
+        for level in (0.0, 1.0):
+            plain = _plain(recipe)
+            with_difficulty(plain, spec.difficulty, level)
+            _checked(plain, ("worlds", "difficulty"))
+
+
+def variation_line(recipe: Recipe) -> str:
+    """What differs among a recipe's worlds, as a line."""
+    spec = recipe.worlds or WorldsSpec()
+    told = [f"{spec.count:,}, each with a seed of its own"]
+    if spec.difficulty is not None:
+        low, high = np.broadcast_to(spec.difficulty.level, 2).tolist()
+        told.append(f"difficulty {low:g}" + (f" to {high:g}" if high > low else ""))
+    for key, wish in spec.vary.items():
+        if wish == "anywhere":
+            told.append(f"{key} anywhere")
+        else:
+            kind, values = wish.given
+            shown = (f"{v:g}" if isinstance(v, float) else str(v) for v in values)
+            told.append(f"{key} {kind} {', '.join(shown)}")
+    return "; ".join(told)
+
+
+def _is_drawn(wish: Variation | Literal["anywhere"], where: Key) -> TypeGuard[Variation]:
+    """Whether a key's values are drawn, and not places of the DTM, which only the centre has."""
+    if wish == "anywhere" and where[-1] != _CENTRE:
+        raise RecipeError(f"only {_CENTRE} can be `anywhere`", key=where)
+    return wish != "anywhere"
+
+
+def _plain(recipe: Recipe) -> dict[str, Any]:
+    """The recipe of one world, as JSON has it."""
+    plain: dict[str, Any] = json.loads(recipe_json(recipe))
+    plain["worlds"] = None
+    return plain
 
 
 def _level(spec: DifficultySpec | None, seed: int, number: int) -> float | None:
@@ -111,13 +171,12 @@ def _chance(seed: int, number: int, what: str) -> float:
     return float(uniforms(stage_key(seed, f"worlds/{number}/{what}"), 1)[0])
 
 
-def _value(wish: Variation, level: float | None, seed: int, number: int, where: Key) -> Any:
+def _value(wish: Variation, level: float | None, chance: float, where: Key) -> Any:
     """What is drawn for a key."""
     try:
         kind, (*given,) = wish.given
     except RecipeError as error:
         raise RecipeError(str(error), key=where) from None
-    chance = _chance(seed, number, f"vary/{where[-1]}")
     if kind == "choice":
         return given[min(int(chance * len(given)), len(given) - 1)]
     low, high = given
@@ -164,11 +223,11 @@ def _put(plain: dict[str, Any], name: str, value: Any, where: Key) -> None:
             target = target[step]
 
 
-def _checked(plain: dict[str, Any]) -> Recipe:
+def _checked(plain: dict[str, Any], where: Key) -> Recipe:
     try:
         return recipe_from_json(json.dumps(plain))
     except RecipeError as error:
-        raise RecipeError(f"what is drawn cannot be: {error}", key=("worlds",)) from None
+        raise RecipeError(f"what is drawn cannot be: {error}", key=where) from None
 
 
 def _require_goals(own: Recipe, distance: float | None) -> None:

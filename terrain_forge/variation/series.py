@@ -49,7 +49,7 @@ from terrain_forge.recipe import (
     recipe_json,
 )
 from terrain_forge.truth import rate_world, write_truth
-from terrain_forge.variation.drawing import Drawn, draw
+from terrain_forge.variation.drawing import Drawn, draw, require_drawable
 from terrain_forge.variation.sharing import drop_unshared, share
 
 ORDER, TABLE, POOL, SUMMARY = "worlds.json", "worlds.csv", "shared", "drawn.json"
@@ -118,6 +118,7 @@ def worlds(
         text = f"{count} worlds: 1 to {MOST_WORLDS:,}"
         raise RecipeError(text, key=("worlds", "count"))
     orders = orders_of(recipe, only)
+    require_drawable(recipe)
     draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
     require_apart(out, input_paths(recipe, folder))
     _require_ours(out, recipe, orders)

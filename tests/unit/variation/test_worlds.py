@@ -148,6 +148,21 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
     assert np.all(np.diff(rms) > 0.0)
 
 
+def test_check_tells_what_differs(tmp_path: Path) -> None:
+    def both(plain: dict[str, Any]) -> None:
+        """Sizes that only together are sizes: the smallest is above the recipe's largest."""
+        key = "rocks.populations.0.diameter_m"
+        plain["worlds"]["vary"] |= {
+            f"{key}.0": {"uniform": [0.9, 1.0]},
+            f"{key}.1": {"choice": [2.0]},
+        }
+
+    file = tf.load_recipe(recipe(tmp_path, both))
+    (line,) = (line for line in tf.check(file.recipe) if line.startswith("worlds"))
+    for told in ("4, each", "difficulty 0 to 1", "sun.elevation_deg uniform 10, 80", "choice 2"):
+        assert told in line
+
+
 @pytest.mark.parametrize(
     ("vary", "why"),
     [
@@ -156,6 +171,9 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
         ({"sun.elevation_deg": {}}, "exactly one of"),
         ({"sun.elevation_deg": {"uniform": [1, 2], "choice": [3]}}, "uniform and choice"),
         ({"sun.elevation_deg": {"uniform": [100, 200]}}, "what is drawn cannot be"),
+        ({"sun.elevation_deg": {"uniform": [10, 91]}}, "less than or equal to 90"),
+        ({"body": {"choice": ["mars", "moon", "pluto"]}}, "'mars', 'mercury' or 'moon'"),
+        ({"sun.elevation_deg": {"normal": [10, 80]}}, r"unknown key 'normal'.*uniform\)?$"),
         ({"sun.elevation_deg": "anywhere"}, "only dtm.centre"),
         ({"dtm.centre": "anywhere"}, "no other places"),
     ],
