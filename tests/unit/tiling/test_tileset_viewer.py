@@ -1,6 +1,7 @@
-"""The 3D Tiles in a viewer that is not ours: 3DTilesRendererJS in Chromium.
+"""The 3D Tiles in viewers that are not ours: 3DTilesRendererJS and CesiumJS, in Chromium.
 
-Wants Chromium, `npm install 3d-tiles-renderer three`, and NODE_PATH to lead to its node_modules.
+Wants Chromium, `npm install 3d-tiles-renderer three cesium`, and NODE_PATH to lead to its
+node_modules.
 """
 
 from __future__ import annotations
@@ -84,6 +85,50 @@ function frame() {
 frame();
 </script></body>"""
 
+CESIUM_PAGE = """<!DOCTYPE html><meta charset="utf-8"><body><pre id="told"></pre>
+<div id="view" style="width: 600px; height: 450px"></div>
+<script>window.CESIUM_BASE_URL = "/modules/cesium/Build/Cesium/";</script>
+<script src="/modules/cesium/Build/Cesium/Cesium.js"></script>
+<script>
+const given = GIVEN, failed = [];
+const widget = new Cesium.CesiumWidget("view", {
+  baseLayer: false, globe: false, skyBox: false, skyAtmosphere: false, useDefaultRenderLoop: false,
+});
+const {scene, camera} = widget;
+const place = Cesium.Transforms.eastNorthUpToFixedFrame(Cesium.Cartesian3.fromDegrees(0, 0));
+const there = (point) =>
+  Cesium.Matrix4.multiplyByPoint(place, new Cesium.Cartesian3(...point), new Cesium.Cartesian3());
+scene.light = new Cesium.DirectionalLight({direction: Cesium.Cartesian3.subtract(
+  there([0, 0, 0]), there([1, 1, 2]), new Cesium.Cartesian3())});
+camera.lookAt(there(given.at), new Cesium.Cartesian3(...given.eye.map((x, i) => x - given.at[i])));
+async function show() {
+  const tiles = await Cesium.Cesium3DTileset.fromUrl("/site/glb/tileset.json", {
+    modelMatrix: place, maximumScreenSpaceError: given.error, enablePick: true,
+    dynamicScreenSpaceError: false, foveatedScreenSpaceError: false,
+  });
+  tiles.tileFailed.addEventListener((event) => failed.push(event.url + " " + event.message));
+  let shown = [], still = 0, frames = 0;
+  tiles.tileVisible.addEventListener((tile) => shown.push(tile.content.url));
+  scene.primitives.add(tiles);
+  function frame() {
+    shown = [];
+    widget.resize();
+    widget.render();
+    still = tiles.tilesLoaded && shown.length ? still + 1 : 0;
+    frames++;
+    if (still < 20) { setTimeout(frame, 20); return; }
+    const hits = given.places.map(([x, y]) => {
+      const spot = Cesium.Cartographic.fromCartesian(there([x, y, 0]));
+      const height = tiles.getHeight(spot, scene);
+      return height === undefined ? [] : [height - spot.height];
+    });
+    document.getElementById("told").textContent = JSON.stringify({shown, failed, hits, frames});
+  }
+  frame();
+}
+show();
+</script></body>"""
+
 
 @pytest.fixture
 def view(built, tmp_path):
@@ -112,8 +157,8 @@ def view(built, tmp_path):
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     threading.Thread(target=partial(server.serve_forever, 0.01), daemon=True).start()
 
-    def show(**asked):
-        given["page"] = PAGE.replace("GIVEN", json.dumps(asked))
+    def show(page=PAGE, **asked):
+        given["page"] = page.replace("GIVEN", json.dumps(asked))
         profile, address = tmp_path / "profile", f"http://127.0.0.1:{server.server_port}/"
         command = [BROWSER, *FLAGS, f"--user-data-dir={profile}", "--dump-dom", address]
         run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180)
@@ -172,3 +217,26 @@ def test_levels_beside_each_other_have_no_cracks(view, whole):
     assert told["failed"] == []
     assert len(levels(told)) > 1
     assert np.abs(heights(told, places, whole.ground)).max() < 0.5
+
+
+@pytest.mark.skipif(
+    MODULES is None or not (MODULES / "cesium").is_dir(), reason="NODE_PATH has no cesium"
+)
+def test_cesium_shows_the_levels_where_they_are(view, whole):
+    """CesiumJS on an ellipsoid: levels change with the distance, heights are those of the ground.
+
+    The highest hit counts there, so a rock may be it. Over 32 m the ellipsoid falls by less than
+    0.1 mm.
+    """
+    random = np.random.default_rng(4)
+    places = (random.uniform(-1, 1, (200, 2)) * (24.9, 19.9)).tolist()
+    far = view(CESIUM_PAGE, eye=[0, -900, 900], at=[0, 0, 0], error=6, places=places)
+    assert far["failed"] == []
+    assert levels(far) == {"sixteenth": 6}
+    near = view(CESIUM_PAGE, eye=[0, -1, 60], at=[0, 0, 0], error=0.01, places=places)
+    assert near["failed"] == []
+    assert levels(near) == {"full": 6}
+    gap = heights(near, places, whole.ground)
+    assert gap.min() > -2e-3
+    assert np.median(np.abs(gap)) < 2e-3
+    assert gap.max() < whole.field.height.max() + 2e-3
