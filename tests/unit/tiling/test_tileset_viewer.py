@@ -86,6 +86,7 @@ frame();
 </script></body>"""
 
 CESIUM_PAGE = """<!DOCTYPE html><meta charset="utf-8"><body><pre id="told"></pre>
+<link rel="stylesheet" href="/modules/cesium/Build/Cesium/Widgets/widgets.css">
 <div id="view" style="width: 600px; height: 450px"></div>
 <script>window.CESIUM_BASE_URL = "/modules/cesium/Build/Cesium/";</script>
 <script src="/modules/cesium/Build/Cesium/Cesium.js"></script>
