@@ -138,6 +138,11 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
 @ONLY
 @DRIVES
 @side_by_side
+@click.option(
+    "--exchange",
+    metavar="URL",
+    help="Where workers that do not see the folder leave tiles for it, such as s3://bucket/tiles.",
+)
 @FORCE
 def build(
     recipe: Path,

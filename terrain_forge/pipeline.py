@@ -85,6 +85,7 @@ def build(
     force: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
+    exchange: str | None = None,
     progress: Progress | bool = False,
 ) -> building.BuildResult:
     """Make a recipe's world and write all of it.
@@ -101,6 +102,7 @@ def build(
         force: whether files may be removed that lie in the older world and are not its own.
         workers: processes that make tiles, by default one for each core; no number changes a byte.
         scheduler: address of the Dask scheduler whose workers make tiles, or `local`.
+        exchange: address of fsspec by which tiles come from workers that do not see `out`.
         progress: called with each stage as it begins, and how far it is; True shows them.
 
     Raises:
@@ -118,14 +120,18 @@ def build(
         building.require_apart(out, inputs)
         if scheduler is not None:
             require_scheduler(scheduler)
+        elif exchange is not None:
+            raise OutputError("--exchange is for the workers of a --scheduler")
         removed = () if tiling.is_site(out) else building.require_ours(out, force=force)
         orders = building.chosen_exports(recipe, only)
         compile_ahead(watch)
         site = making.plan(recipe, folder=folder, progress=watch)
         if site.recipe.tiles is not None:
             order = tiling.order_tiles(site, out, orders)
-            return tiling.build_tiles(order, watch=watch, workers=workers, scheduler=scheduler)
-        tiling.require_whole(out, workers, scheduler)
+            return tiling.build_tiles(
+                order, watch=watch, workers=workers, scheduler=scheduler, exchange=exchange
+            )
+        tiling.require_whole(out, workers, scheduler, exchange)
         rover = rover_of(site)
         recording.require_recordable(recipe, rover)
         recording.require_long_enough(site, rover.sensors)

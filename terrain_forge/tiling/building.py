@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -22,6 +22,7 @@ from terrain_forge.base import (
 from terrain_forge.building import BuildResult, holding, storing
 from terrain_forge.tiling.checking import judge_again
 from terrain_forge.tiling.driving import drive_far
+from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
 from terrain_forge.tiling.order import TileOrder, is_site, save_order
@@ -88,11 +89,13 @@ def build_tiles(
     watch: Stopwatch,
     workers: int | None = None,
     scheduler: str | None = None,
+    exchange: str | None = None,
 ) -> TiledResult:
     """Make the tiles that are missing, and bring all together.
 
     Raises:
-        OutputError: if the folder holds anything else, or the scheduler cannot be used.
+        OutputError: if the folder holds anything else, or the scheduler or the exchange cannot be
+            used.
         StorageError: if the disk does not take the site.
         TerrainForgeError: names the tiles that failed; the others are whole.
     """
@@ -109,11 +112,9 @@ def build_tiles(
         missing = order.missing()
         pace = _Pace()
         watch(f"tiles: 0 of {len(missing)}")
-        work = partial(make_tile, str(out))
         told = partial(setattr, pace, "link")
-        for number, result in run_tasks(
-            work, missing, workers=workers, scheduler=scheduler, told=told
-        ):
+        given = {"workers": workers, "scheduler": scheduler, "told": told}
+        for number, result in _made(order, missing, exchange, given):
             if isinstance(result, Exception):
                 pace.failed[number] = result
                 _log.debug("tile %s", number, exc_info=result)
@@ -150,6 +151,24 @@ def build_tiles(
         tiles=len(order.grid),
         made=pace.made,
     )
+
+
+def _made(
+    order: TileOrder, missing: list[int], exchange: str | None, given: dict[str, Any]
+) -> Iterator[tuple[int, dict[str, Any] | Exception]]:
+    """Each tile once it is in its place, with what it took, or why it is not."""
+    if exchange is None or not missing:
+        yield from run_tasks(partial(make_tile, str(order.out)), missing, **given)
+        return
+    with exchanging(order, exchange) as there:
+        for number, result in run_tasks(partial(make_tile_away, there), missing, **given):
+            if not isinstance(result, Exception):
+                try:
+                    take_tile(order, there, number, result["sha256"])
+                except TerrainForgeError as error:
+                    yield number, error
+                    continue
+            yield number, result
 
 
 def _failure(order: TileOrder, failed: dict[int, Exception]) -> TerrainForgeError:

@@ -8,7 +8,8 @@ import platform
 import resource
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -35,25 +36,36 @@ def make_tile(out: str, number: int) -> dict[str, Any]:
     """
     begin = time.perf_counter(), time.process_time()
     order = load_order(Path(out))
-    place = order.folder(number)
-    if not (place / TILE).is_file():
-        # As deep as its place, so that what it refers to in the site's folder is there already.
-        fresh = order.out / STAGING / f"{number}" / f"{platform.node()}-{os.getpid()}"
-        with storing(place, order.out):
-            shutil.rmtree(fresh, ignore_errors=True)
-            try:
-                fresh.mkdir(parents=True)
-                _write(order, number, fresh)
-                write_through(fresh)
-                place.parent.mkdir(parents=True, exist_ok=True)
-                _take_place(fresh, place)
-            finally:
-                shutil.rmtree(fresh, ignore_errors=True)
+    if not (order.folder(number) / TILE).is_file():
+        with placing(order, number) as fresh:
+            _write(order, number, fresh)
     return {
         "wall_s": time.perf_counter() - begin[0],
         "processor_s": time.process_time() - begin[1],
         "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
     }
+
+
+@contextmanager
+def placing(order: TileOrder, number: int) -> Iterator[Path]:
+    """A new folder that takes the place of a tile, at once, when the block ends well.
+
+    Raises:
+        StorageError: if the disk does not take it.
+    """
+    place = order.folder(number)
+    # As deep as its place, so that what it refers to in the site's folder is there already.
+    fresh = order.out / STAGING / f"{number}" / f"{platform.node()}-{os.getpid()}"
+    with storing(place, order.out):
+        shutil.rmtree(fresh, ignore_errors=True)
+        try:
+            fresh.mkdir(parents=True)
+            yield fresh
+            write_through(fresh)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            _take_place(fresh, place)
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
 
 
 def _take_place(fresh: Path, place: Path) -> None:

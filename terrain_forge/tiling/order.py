@@ -33,6 +33,8 @@ from terrain_forge.rocks import bank_reach, find_library, rock_margin
 from terrain_forge.terrain import stencil_reach
 
 FOLDER, ORDER = "site", "order.json"
+PLANNED = "site.json", "arrays.npz", ORDER
+"""Files of the planned site."""
 TILE = "tile.json"
 """A tile's own list of its files."""
 MOST = 2**30
@@ -68,7 +70,9 @@ def is_site(out: Path) -> bool:
     return (out / FOLDER / ORDER).is_file()
 
 
-def require_whole(out: Path, workers: int | None, scheduler: str | None) -> None:
+def require_whole(
+    out: Path, workers: int | None, scheduler: str | None, exchange: str | None
+) -> None:
     """Refuse what is for sites in tiles alone, where a world is built as one.
 
     Raises:
@@ -76,9 +80,10 @@ def require_whole(out: Path, workers: int | None, scheduler: str | None) -> None
     """
     if is_site(out):
         raise OutputError(f"{out} holds a site in tiles: choose another folder with -o")
-    if workers is not None or scheduler is not None:
+    if {workers, scheduler, exchange} != {None}:
         raise OutputError(
-            "--workers and --scheduler are for sites in tiles: add `tiles: {}` to the recipe"
+            "--workers, --scheduler and --exchange are for sites in tiles: add `tiles: {}` to the "
+            "recipe"
         )
 
 
@@ -184,11 +189,7 @@ def _files(order: TileOrder) -> dict[str, bytes]:
                     for e in order.exports],
         "made_by": software(),
     }  # fmt: skip
-    return {
-        "site.json": _json(site),
-        "arrays.npz": binary.getvalue(),
-        ORDER: _json(told),
-    }
+    return dict(zip(PLANNED, (_json(site), binary.getvalue(), _json(told)), strict=True))
 
 
 def _json(plain: Any) -> bytes:

@@ -1,8 +1,5 @@
 import json
-import os
-import shutil
 import struct
-import subprocess
 from importlib import import_module
 
 import numpy as np
@@ -22,6 +19,7 @@ from tests.helpers.ground_pictures import (
     shows_its_nodes,
     speckled,
 )
+from tests.helpers.node import run_node
 from tests.helpers.surfaces import random_points, top_under
 
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -326,25 +324,13 @@ require("gltf-validator").validateBytes(new Uint8Array(fs.readFileSync(process.a
 """
 
 
-def require_gltf_validator():
-    """Wants `npm install gltf-validator`, and NODE_PATH to lead to its node_modules."""
-    found = shutil.which("node") and subprocess.run(
-        ["node", "-e", 'require("gltf-validator")'], capture_output=True, check=False
-    )
-    if not found or found.returncode:
-        pytest.skip("node with gltf-validator is not installed")
-
-
 def gltf_issues(path):
-    """What Khronos' validator says of a file."""
-    command = ["node", "-e", VALIDATE, path]
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
-    return json.loads(run.stdout)
+    """What Khronos' validator says of a file; `npm install gltf-validator`."""
+    return run_node("gltf-validator", VALIDATE, path)
 
 
 @pytest.mark.consumer
 def test_khronos_validator_finds_nothing(glb):
-    require_gltf_validator()
     issues = gltf_issues(glb)
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
 

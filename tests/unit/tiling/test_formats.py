@@ -13,7 +13,8 @@ import pytest
 
 import terrain_forge as tf
 from terrain_forge.truth.tiled import write_parquet
-from tests.unit.exporters.test_glb import gltf_issues, require_gltf_validator
+from tests.helpers.node import run_node
+from tests.unit.exporters.test_glb import gltf_issues
 from tests.unit.tiling.conftest import write_recipe
 
 LEVELS = ("full", "quarter", "sixteenth")
@@ -149,11 +150,56 @@ def test_3d_tiles_hold_what_they_say(built, whole):
 
 @pytest.mark.consumer
 def test_khronos_validator_finds_nothing_in_tiles(built):
-    """Wants `npm install gltf-validator`, and NODE_PATH to lead to its node_modules."""
-    require_gltf_validator()
     for path in sorted(built.glob("tiles/*/*/glb/*.glb")):
         issues = gltf_issues(path)
         assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+WALK = """
+const fs = require("fs"), path = require("path");
+const {BoundingVolumesContainment, ResourceResolvers, TilesetTraverser, VertexProcessing} =
+  require("3d-tiles-tools");
+const [, file] = process.argv, folder = path.dirname(file);
+const resolver = ResourceResolvers.createFileResourceResolver(folder);
+const still = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1], issues = new Set(), contents = [];
+const moved = (m, p) => [0, 1, 2].map(
+  (axis) => m[axis] * p[0] + m[4 + axis] * p[1] + m[8 + axis] * p[2] + m[12 + axis]);
+async function visit(one) {
+  const chain = [];  // the tile and all around it
+  for (let at = one; at; at = at.getParent()) chain.push(at.asFinalTile());
+  const [tile, parent] = chain;
+  if (parent && tile.geometricError > parent.geometricError) issues.add(`${one.path}: error`);
+  for (const {uri} of one.getFinalContents()) {
+    const data = await resolver.resolveData(uri);
+    if (!data) issues.add(`${uri}: missing`);
+    if (!data || uri.endsWith(".json")) continue;
+    let vertices = 0;
+    await VertexProcessing.fromContent(uri, data, async () => undefined, true, (vertex) => {
+      vertices++;
+      let point = [...vertex];
+      for (const tile of chain) {
+        if (!BoundingVolumesContainment.contains(tile.boundingVolume, point, 1e-5))
+          issues.add(`${uri}: outside of its tile, or of one around that`);
+        point = moved(tile.transform || still, point);
+      }
+    });
+    contents.push({uri, vertices});
+  }
+  return true;
+}
+const traverser = new TilesetTraverser(folder, resolver, {traverseExternalTilesets: true});
+traverser.traverse(JSON.parse(fs.readFileSync(file)), visit)
+  .then(() => console.log(JSON.stringify({contents, issues: [...issues]})));
+"""
+
+
+@pytest.mark.consumer
+def test_cesium_finds_each_vertex_in_its_boxes(built):
+    """Cesium's reader of tilesets; `npm install --ignore-scripts 3d-tiles-tools`."""
+    told = run_node("3d-tiles-tools", WALK, built / "glb/tileset.json")
+    assert told["issues"] == []
+    assert len({content["uri"] for content in told["contents"]}) == 6 * 3
+    assert min(content["vertices"] for content in told["contents"]) > 50
 
 
 def test_sdf_world_has_a_level_for_each_tile(built):
