@@ -11,6 +11,7 @@ from terrain_forge.base import Array, rpy_from_quaternion
 from terrain_forge.geometry import (
     grouped,
     inertias,
+    lie_upright,
     mean_rock_srgb,
     merge_rocks,
     rock_texture,
@@ -83,8 +84,9 @@ def fixed_rocks(tile: Tile, folder: Path, *, coarse: list[Mesh], options: Option
     large, small, name = fixed.select(single), fixed.select(~single), tile.name("rocks")
     parts = []
     poses = np.hstack([large.position, rpy_from_quaternion(large.quaternion)])
+    uris = _shape_uris(large, folder)
     for row, rock in enumerate(map(rock_name, large.id.tolist())):
-        uri, scale = _shape_uri(large, row, folder), float(large.scale[row])
+        uri, scale = uris[row], float(large.scale[row])
         # The finest mesh, and a collision of it for what can be touched.
         parts.append(visual(f"{rock}_visual", uri, pose=poses[row], scale=scale))
         if large.collides[row]:
@@ -110,6 +112,7 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
     """A free model `rock_<id>` for each dynamic rock, whose link's origin is its centre of mass."""
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
+    uris = _shape_uris(field, folder)
     for row, tensor in enumerate(inertias(field, world.library)):
         scale, prototype = float(field.scale[row]), int(field.prototype[row])
         sliding = dynamic_contact(float(field.diameter[row])).sliding
@@ -124,23 +127,25 @@ def dynamic_rocks(world: World, folder: Path, options: Options) -> Iterator[Line
             )
             for part in range(len(hulls))
         ]
-        look = visual("visual", _shape_uri(field, row, folder), scale=scale)
+        look = visual("visual", uris[row], scale=scale)
         mass = inertial(float(field.mass[row]), tensor)
         link = element("link", mass, look, *collisions, name="rock")
         yield element("model", element("pose", poses[row]), link, name=rock_name(field.id[row]))
 
 
-def _shape_uri(field: RockField, row: int, folder: Path) -> str:
-    return f"{folder.name}/{_shape_file(int(field.prototype[row]), int(field.population[row]))}"
+def _shape_uris(field: RockField, folder: Path) -> list[str]:
+    kinds = np.stack([field.prototype, field.population, lie_upright(field)], axis=-1)
+    return [f"{folder.name}/{_shape_file(*kind)}" for kind in kinds.tolist()]
 
 
 def write_shapes(world: World, rocks: RockField, folder: Path) -> None:
     """Write the meshes that these rocks share, and the hulls of the dynamic ones among them."""
-    kinds = np.unique(np.stack([rocks.prototype, rocks.population], axis=-1), axis=0)
-    for prototype, population in kinds.tolist():
-        path = folder / _shape_file(prototype, population)
+    kinds = np.stack([rocks.prototype, rocks.population, lie_upright(rocks)], axis=-1)
+    for prototype, population, upright in np.unique(kinds, axis=0).tolist():
+        path = folder / _shape_file(prototype, population, upright)
         material = MATERIALS, f"rock_{population}"
-        write_rock_shape(path, world.library.prototypes[prototype], material=material)
+        shape = world.library.prototypes[prototype]
+        write_rock_shape(path, shape, upright=bool(upright), material=material)
     for prototype in np.unique(rocks.prototype[rocks.dynamic]).tolist():
         for part, hull in enumerate(world.library.prototypes[prototype].hulls):
             path = folder / _hull_file(prototype, part)
@@ -158,9 +163,9 @@ def write_materials(world: World, rocks: RockField, folder: Path) -> Iterator[Ma
         yield MattMaterial(name=f"rock_{population}_plain", rgb=rgb)
 
 
-def _shape_file(prototype: int, population: int) -> str:
-    """File of a shape in the look of a population."""
-    return f"shape_{prototype:03}_{population}.obj"
+def _shape_file(prototype: int, population: int, upright: int) -> str:
+    """File of a shape in the look of a population, with dust on its top or bare."""
+    return f"shape_{prototype:03}_{population}{'' if upright else '_turned'}.obj"
 
 
 def _hull_file(prototype: int, part: int) -> str:

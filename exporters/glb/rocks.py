@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import inlined, kernel, xyzw
 from terrain_forge.geometry import (
     grouped,
+    lie_upright,
     merge_in_parts,
     rock_factors,
     rock_maps,
@@ -19,7 +20,7 @@ from terrain_forge.geometry import (
     surface,
     vertex_dust,
 )
-from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World, rotations
+from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     ROCK,
@@ -32,8 +33,6 @@ from terrain_forge.writers import (
 
 from .ground import matt, tile_corner
 
-_UPRIGHT = 0.8
-"""Cosine of a rock's lean up to which its shape's top is its own."""
 _BLOCK = 4096
 """Rocks whose nodes are one text."""
 _PIECES = tuple(
@@ -59,24 +58,22 @@ def rock_meshes(
     """Add the meshes that the rocks share; returns the index of each rock's, shape [rocks].
 
     A mesh is a level of detail of a shape in the look of a population; those of one shape share
-    their arrays. Dust lies on top of rocks that lie as their shape does; one that was settled on
-    another side has none. `levels` are the rocks' levels of detail, shape [rocks].
+    their arrays. `levels` are the rocks' levels of detail, shape [rocks].
     """
     prototypes = world.library.prototypes
     bumpy = world.library.normals is not None
-    cut = cache(lambda kind, level: surface(prototypes[kind], level))
-    shape = cache(lambda kind, level: gltf.add_surface(cut(kind, level), bumpy=bumpy))
+
+    @cache
+    def shape(kind: int, level: int, upright: int) -> dict[str, Any]:
+        return gltf.add_surface(
+            surface(prototypes[kind], level, upright=bool(upright)), bumpy=bumpy
+        )
 
     @cache
     def picture(population: int) -> int:
-        image = rock_texture(world, population, tinted=True, dusty=True)
-        return gltf.add_texture(encode_png(image), tiles=True)
-
-    @cache
-    def dust(kind: int, level: int, population: int, upright: int) -> int:
-        up = cut(kind, level).normals[:, 2]
-        lying = up if upright else np.full_like(up, -1.0)
-        return gltf.add_colours(vertex_dust(world, population, lying))
+        return gltf.add_texture(
+            encode_png(rock_texture(world, population, tinted=True)), tiles=True
+        )
 
     relief = _add_maps(world, gltf) if len(rocks) else {}
 
@@ -88,16 +85,16 @@ def rock_meshes(
         return gltf.add("materials", made)
 
     tints = rock_tints(rocks.id, world.site.seed)
-    upright = rotations(rocks)[:, 2, 2] > _UPRIGHT
-    kinds = np.stack([rocks.prototype, levels, rocks.population, tints, upright], axis=-1)
+    kinds = np.stack(
+        [rocks.prototype, levels, rocks.population, tints, lie_upright(rocks)], axis=-1
+    )
     distinct, kind_of_rock = np.unique(kinds, axis=0, return_inverse=True)
     meshes = []
-    for prototype, level, population, tint, lies in distinct.tolist():
-        primitive = {**shape(prototype, level), "material": look(population, tint)}
-        colours = dust(prototype, level, population, lies)
-        primitive["attributes"] = {**primitive["attributes"], "COLOR_0": colours}
-        detail = "close" if level == CLOSE else level
-        name = f"rock_shape_{prototype:03}_{detail}_{world.field.populations[population]}_{tint}"
+    for prototype, level, population, tint, upright in distinct.tolist():
+        primitive = {**shape(prototype, level, upright), "material": look(population, tint)}
+        detail, dust = "close" if level == CLOSE else level, "" if upright else "_turned"
+        kind = f"{prototype:03}_{detail}{dust}"
+        name = f"rock_shape_{kind}_{world.field.populations[population]}_{tint}"
         meshes.append(gltf.add("meshes", {"name": name, "primitives": [primitive]}))
     return np.array(meshes, np.int64)[kind_of_rock.reshape(-1)]
 

@@ -24,6 +24,7 @@ from terrain_forge.geometry import (
     grid_faces,
     grid_vertices,
     grouped,
+    lie_upright,
     mean_rock_colour,
     mean_rock_srgb,
     merge_in_parts,
@@ -31,6 +32,7 @@ from terrain_forge.geometry import (
     rock_factors,
     rock_maps,
     rock_texture,
+    skin,
     vertex_dust,
     write_ground_obj,
 )
@@ -198,8 +200,11 @@ def _write_single_rocks(body: _Body, world: World) -> None:
     field, shapes = world.field, world.library.prototypes
     meshes = [shape.meshes[0] for shape in shapes]
     normals = cache(lambda shape: vertex_normals(meshes[shape].vertices, meshes[shape].faces))
-    coordinates = cache(lambda shape: index_corners(shapes[shape].uvs[0]))
+    coordinates = cache(
+        lambda shape, upright: index_corners(skin(shapes[shape], upright=upright)[1])
+    )
     turns, tints = rotations(field), rock_tints(field.id, world.site.seed)
+    upright = lie_upright(field).tolist()
     for row, prototype in enumerate(field.prototype.tolist()):
         mesh, turn = meshes[prototype], turns[row].T
         body.begin(rock_name(field.id[row]))
@@ -208,7 +213,7 @@ def _write_single_rocks(body: _Body, world: World) -> None:
             portable.product(normals(prototype), turn),
             mesh.faces,
             f"rock_{field.population[row]}_{tints[row]}",
-            coordinates(prototype),
+            coordinates(prototype, upright[row]),
         )
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import portable
-from terrain_forge.geometry import inertias, write_rock_shape
+from terrain_forge.geometry import inertias, lie_upright, write_rock_shape
 from terrain_forge.model import RockField, RockLibrary, RockPrototype
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.writers import Lines, element, numbers, rock_name, write_stl
@@ -50,7 +51,7 @@ def has_own_shape(field: RockField, options: Options) -> NDArray[np.bool_]:
 
 def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Options) -> Lines:
     """A mesh asset for each shape and hull in each size that occurs."""
-    hulls, shapes = set[tuple[int, str]](), set[tuple[int, str]]()
+    hulls, shapes = set[tuple[int, str]](), set[tuple[str, str]]()
     for field in fields:
         own_shape = has_own_shape(field, options)
         touched = field.select(field.collides | ~own_shape)
@@ -58,14 +59,14 @@ def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Opti
         hulls.update(
             zip(touched.prototype.tolist(), _sizes(touched, options, of_hulls=True), strict=True)
         )
-        shapes.update(zip(drawn.prototype.tolist(), _sizes(drawn, options), strict=True))
+        shapes.update(zip(_shapes(drawn), _sizes(drawn, options), strict=True))
 
-    def ordered(pairs: set[tuple[int, str]]) -> list[tuple[int, str]]:
+    def ordered(pairs: set[tuple[Any, str]]) -> list[tuple[Any, str]]:
         return sorted(pairs, key=lambda pair: (pair[0], float(pair[1])))
 
     parts = [len(prototype.hulls) for prototype in library.prototypes]
     meshes = [(f"hull_{p}_{h}", "stl", s) for p, s in ordered(hulls) for h in range(parts[p])]
-    meshes += [(f"shape_{p}", "obj", s) for p, s in ordered(shapes)]
+    meshes += [(shape, "obj", s) for shape, s in ordered(shapes)]
     return [
         f'<mesh name="{name}_{s}" file="assets/{name}.{kind}" scale="{s} {s} {s}"/>'
         for name, kind, s in meshes
@@ -79,17 +80,18 @@ def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Ite
         map(rock_name, field.id.tolist()),
         field.population.tolist(),
         field.prototype.tolist(),
+        _shapes(field),
         _sizes(field, options, of_hulls=True),
         has_own_shape(field, options).tolist(),
         field.collides.tolist(),
         np.hstack([field.position, field.quaternion]).tolist(),
         strict=True,
     )
-    for name, population, prototype, size, own_shape, solid, pose in rows:
+    for name, population, prototype, shape, size, own_shape, solid, pose in rows:
         place = _PLACE % tuple(pose)
         if own_shape:
             look = f"shape_{population}"
-            yield _geom(f"{name}_shape", look, f"shape_{prototype}_{size}", place)
+            yield _geom(f"{name}_shape", look, f"{shape}_{size}", place)
         if solid or not own_shape:
             kind = "hull" if own_shape else f"rock_{population}" if solid else f"seen_{population}"
             yield from _hull_geoms(library, prototype, name, kind, size, place)
@@ -100,8 +102,9 @@ def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> I
     field = field.select(field.dynamic)
     # MuJoCo wants xx yy zz xy xz yz.
     six = inertias(field, library)[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    sizes = zip(_sizes(field, options, of_hulls=True), _sizes(field, options), strict=True)
-    for row, (hull_size, shape_size) in enumerate(sizes):
+    hull_sizes, shape_sizes = _sizes(field, options, of_hulls=True), _sizes(field, options)
+    kinds = zip(hull_sizes, _shapes(field), shape_sizes, strict=True)
+    for row, (hull_size, shape, shape_size) in enumerate(kinds):
         name, prototype = rock_name(field.id[row]), int(field.prototype[row])
         look = f"shape_{field.population[row]}"
         touch = f' friction="{numbers(dynamic_contact(float(field.diameter[row])).friction)}"'
@@ -109,7 +112,7 @@ def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> I
             "body",
             element("freejoint", name=name),
             element("inertial", pos=np.zeros(3), mass=field.mass[row], fullinertia=six[row]),
-            [_geom(f"{name}_shape", look, f"shape_{prototype}_{shape_size}")],
+            [_geom(f"{name}_shape", look, f"{shape}_{shape_size}")],
             [*_hull_geoms(library, prototype, name, "dynamic", hull_size, touch)],
             name=name,
             pos=field.position[row],
@@ -136,15 +139,22 @@ def drawn_level(shape: RockPrototype) -> int:
     return min(_LEVEL, len(shape.meshes) - 1)
 
 
-def write_meshes(library: RockLibrary, shapes: Iterable[int], directory: Path) -> list[str]:
-    """Write the convex parts of all prototypes and the textured shapes of some; returns files."""
+def _shapes(field: RockField) -> list[str]:
+    """The textured shape of each rock: with dust on its top, or bare where it lies otherwise."""
+    kinds = zip(field.prototype.tolist(), lie_upright(field).tolist(), strict=True)
+    return [f"shape_{prototype}{'' if upright else '_turned'}" for prototype, upright in kinds]
+
+
+def write_meshes(library: RockLibrary, drawn: RockField, directory: Path) -> list[str]:
+    """Write the convex parts of all prototypes and the shapes of some rocks; returns files."""
     files = []
     for prototype, shape in enumerate(library.prototypes):
         for part, hull in enumerate(shape.hulls):
             files.append(f"assets/hull_{prototype}_{part}.stl")
             write_stl(directory / files[-1], vertices=hull.vertices, faces=hull.faces)
-    for prototype in shapes:
+    kinds = zip(_shapes(drawn), drawn.prototype.tolist(), lie_upright(drawn).tolist(), strict=True)
+    for name, prototype, upright in sorted({*kinds}):
         shape = library.prototypes[prototype]
-        files.append(f"assets/shape_{prototype}.obj")
-        write_rock_shape(directory / files[-1], shape, drawn_level(shape))
+        files.append(f"assets/{name}.obj")
+        write_rock_shape(directory / files[-1], shape, drawn_level(shape), upright=upright)
     return files

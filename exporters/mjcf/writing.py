@@ -47,7 +47,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         beyond = ["assets/horizon.obj", "assets/horizon.png"]
     else:
         beyond = []
-    shapes = np.unique(world.field.prototype[has_own_shape(world.field, options)]).tolist()
+    drawn = world.field.select(has_own_shape(world.field, options))
     files = {
         "world.xml": _text(_world(world, tiles, assets, geoms, options)),
         "scene.xml": _text(_scene(world, tiles, options)),
@@ -55,14 +55,14 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     for trajectory in world.trajectories:
         files[f"paths/{file_name(trajectory.name)}.csv"] = _path_table(trajectory)
     files |= ground_files
-    if shapes:
+    if len(drawn):
         files |= texture_files(world)
     for folder in ("assets", *(["paths"] if world.trajectories else [])):
         (directory / folder).mkdir(exist_ok=True)
     for name, content in files.items():
         (directory / name).write_bytes(content)
     meshes = [
-        *write_meshes(world.library, shapes, directory),
+        *write_meshes(world.library, drawn, directory),
         *(f"assets/{name}" for name in write_rover_meshes(world.rover, directory / "assets")),
     ]
     written = tuple(map(Path, (*files, *meshes, *beyond)))

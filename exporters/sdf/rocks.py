@@ -12,6 +12,7 @@ from terrain_forge.base import rpy_from_quaternion
 from terrain_forge.geometry import (
     grouped,
     inertias,
+    lie_upright,
     mean_rock_srgb,
     merge_rocks,
     rock_factors,
@@ -88,33 +89,40 @@ def write_model(
     Those of the rocks of `close` have their close meshes too.
     """
     single = world.field.select(is_single(world.field, options.individual_min_m))
-    kinds = np.unique(single.prototype).tolist(), np.unique(single.population).tolist()
-    write_shapes(world, model, *kinds)
-    fine = np.isin(single.id, list(close))
-    for prototype in np.unique(single.prototype[fine]).tolist():
-        path = model.path(_shape_file(prototype, close=True))
-        write_rock_shape(path, world.library.prototypes[prototype], CLOSE)
-    model.write_scripts(list(map(_texture_file, kinds[1])), address="wrap")
+    populations = np.unique(single.population).tolist()
+    _write_pictures(world, model, populations)
+    _write_meshes(world, model, sorted({*_kinds(single, close)}))
+    model.write_scripts(list(map(_texture_file, populations)), address="wrap")
     model.write(title=f"{world.site.name}: rocks", links=links)
 
 
-def write_shapes(
-    world: World,
-    model: Model,
-    prototypes: Sequence[int] | None = None,
-    populations: Sequence[int] | None = None,
-) -> None:
-    """Write meshes of some prototypes and pictures of some populations, by default of all."""
-    if prototypes is None:
-        prototypes = range(len(world.library.prototypes))
-    if populations is None:
-        populations = range(len(world.field.populations))
-    for prototype in prototypes:
+def write_shapes(world: World, model: Model) -> None:
+    """Write the meshes of all prototypes and the pictures of all populations."""
+    prototypes, both = range(len(world.library.prototypes)), (True, False)
+    kinds = [(prototype, upright, False) for prototype in prototypes for upright in both]
+    _write_meshes(world, model, kinds)
+    _write_pictures(world, model, range(len(world.field.populations)))
+
+
+def _kinds(rocks: RockField, close: Container[int]) -> list[tuple[int, bool, bool]]:
+    """Prototype of each rock, whether it lies upright, and whether by its close mesh."""
+    fine = [one in close for one in rocks.id.tolist()]
+    return [*zip(rocks.prototype.tolist(), lie_upright(rocks).tolist(), fine, strict=True)]
+
+
+def _write_meshes(world: World, model: Model, kinds: Sequence[tuple[int, bool, bool]]) -> None:
+    """Write the shapes of kinds of rocks, and their prototypes' convex parts."""
+    for prototype, upright, close in kinds:
+        path = model.path(_shape_file(prototype, upright, close))
         shape = world.library.prototypes[prototype]
-        write_rock_shape(model.path(_shape_file(prototype)), shape)
-        for part, hull in enumerate(shape.hulls):
+        write_rock_shape(path, shape, CLOSE if close else 0, upright=upright)
+    for prototype in {kind[0] for kind in kinds}:
+        for part, hull in enumerate(world.library.prototypes[prototype].hulls):
             path = model.path(_hull_file(prototype, part))
             write_stl(path, vertices=hull.vertices, faces=hull.faces)
+
+
+def _write_pictures(world: World, model: Model, populations: Sequence[int]) -> None:
     for population in populations:
         image = rock_texture(world, population, tinted=not model.classic)
         write_png(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
@@ -129,12 +137,13 @@ def _single_rocks(
     """A visual and the convex collisions of each rock, a line each, named by the rock's id."""
     poses = np.hstack([rocks.position, rpy_from_quaternion(rocks.quaternion)]).tolist()
     touch = "".join(surface(friction))
-    looks = _looks(world, model)
+    looks, kinds = _looks(world, model), _kinds(rocks, close)
     lines: Lines = []
     for row, pose in enumerate(poses):
         name, place = f"{rock_name(rocks.id[row])}_", f"<pose>{numbers(pose)}</pose>"
         felt = touch if rocks.collides[row] else ""
-        lines += _parts(world, rocks, row, model, looks, felt, close, name=name, place=place)
+        shape = _shape_file(*kinds[row])
+        lines += _parts(world, rocks, row, model, looks, felt, shape, name=name, place=place)
     return lines
 
 
@@ -146,13 +155,13 @@ def dynamic_rocks(world: World, model: Model, *, close: Container[int]) -> list[
     field = world.field.select(world.field.dynamic)
     poses = np.hstack([field.position, rpy_from_quaternion(field.quaternion)])
     looks, tensors = _looks(world, model), inertias(field, world.library)
-    models = []
+    kinds, models = _kinds(field, close), []
     for row, rock in enumerate(field.id.tolist()):
         contact = dynamic_contact(float(field.diameter[row]))  # as it was settled
         # SDF's torsional friction is 3π/16 patch radius · coefficient · normal force.
         radius = 16.0 * contact.torsional / (3.0 * math.pi * contact.sliding)
         touch = "".join(surface(contact.sliding, patch_radius=radius))
-        parts = _parts(world, field, row, model, looks, touch, close)
+        parts = _parts(world, field, row, model, looks, touch, _shape_file(*kinds[row]))
         mass = "".join(inertial(float(field.mass[row]), tensors[row]))
         link = element("link", [mass], parts, name="rock")
         pose = element("pose", poses[row])
@@ -167,12 +176,12 @@ def _parts(
     model: Model,
     looks: list[list[str]],
     touch: str,
-    close: Container[int],
+    shape: str,
     *,
     name: str = "",
     place: str = "",
 ) -> Lines:
-    """The visual of a rock's shape and, where there is a touch, collisions of its convex parts."""
+    """The visual of a rock by its shape's file and, with a touch, collisions of its hulls."""
     prototype, size = int(rocks.prototype[row]), f"{rocks.scale[row]:.9g}"
     tint = int(rock_tints(rocks.id[row : row + 1], world.site.seed)[0])
 
@@ -180,7 +189,6 @@ def _parts(
         mesh = f"<uri>{model.uri(file)}</uri><scale>{size} {size} {size}</scale>"
         return f"{place}<geometry><mesh>{mesh}</mesh></geometry>"
 
-    shape = _shape_file(prototype, close=int(rocks.id[row]) in close)
     look = f"{geometry(shape)}{looks[rocks.population[row]][tint]}"
     hulls = world.library.prototypes[prototype].hulls if touch else ()
     return [f'<visual name="{name}visual">{look}</visual>'] + [
@@ -203,9 +211,10 @@ def _looks(world: World, model: Model) -> list[list[str]]:
     ]
 
 
-def _shape_file(prototype: int, *, close: bool = False) -> str:
-    """File of a prototype's textured shape, or of its close mesh."""
-    return f"meshes/shape_{prototype:03}{'_close' if close else ''}.obj"
+def _shape_file(prototype: int, upright: bool, close: bool) -> str:
+    """File of a prototype's textured shape or close mesh, with dust on its top or bare."""
+    detail, dust = "_close" if close else "", "" if upright else "_turned"
+    return f"meshes/shape_{prototype:03}{detail}{dust}.obj"
 
 
 def _hull_file(prototype: int, part: int) -> str:

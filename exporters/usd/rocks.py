@@ -18,10 +18,12 @@ from terrain_forge.base import xyzw
 from terrain_forge.geometry import (
     grouped,
     inertias,
+    lie_upright,
     merge_in_parts,
     principal_axes,
     rock_factors,
     rock_maps,
+    skin,
 )
 from terrain_forge.model import CLOSE, Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
@@ -60,16 +62,19 @@ def write_rock_maps(world: World, assets: Path) -> None:
         write_png(assets / file, image)
 
 
-def write_library(library: RockLibrary, assets: Path, *, close: Container[int]) -> None:
+def write_library(
+    library: RockLibrary, assets: Path, *, close: Container[int], turned: bool
+) -> None:
     """Write all levels of detail and convex parts of every shape, in the prototypes' frames.
 
-    The shapes of `close` have their close meshes too.
+    The shapes of `close` have their close meshes too. Where rocks are `turned`, each has a second
+    prim for those without dust on their tops.
     """
     stage = new_stage(assets / f"{_LIBRARY}.usdc", _LIBRARY)
     for number, shape in enumerate(library.prototypes):
         for level in [*range(len(shape.meshes)), *([CLOSE] if number in close else ())]:
-            mesh, uvs = shape.drawn(level)
-            path = _visual_path(number, level)
+            mesh, uvs = skin(shape, level)
+            path = _visual_path(number, level, True)
             UsdGeom.Xform.Define(stage, path)
             visual = define_mesh(stage, f"{path}/shape", mesh.vertices, mesh.faces)
             normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
@@ -77,6 +82,12 @@ def write_library(library: RockLibrary, assets: Path, *, close: Container[int]) 
             visual.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
             # Per corner of a face, since the texture has seams.
             define_st(visual, uvs.reshape(-1, 2), UsdGeom.Tokens.faceVarying)
+            if turned:
+                bare = stage.DefinePrim(_visual_path(number, level, False), "Xform")
+                bare.GetReferences().AddInternalReference(path)
+                visual = UsdGeom.Mesh(stage.OverridePrim(f"{bare.GetPath()}/shape"))
+                _, uvs = skin(shape, level, upright=False)
+                define_st(visual, uvs.reshape(-1, 2), UsdGeom.Tokens.faceVarying)
         UsdGeom.Xform.Define(stage, _hull_path(number))
         for part, hull in enumerate(shape.hulls):
             path = f"{_hull_path(number)}/part_{part}"
@@ -85,9 +96,10 @@ def write_library(library: RockLibrary, assets: Path, *, close: Container[int]) 
     save(stage)
 
 
-def _visual_path(prototype: int, level: int) -> str:
+def _visual_path(prototype: int, level: int, upright: bool) -> str:
     """The library's prim of a shape's level of detail (0: the shape itself) or close mesh."""
-    return f"/{_LIBRARY}/shape_{prototype:03}_{'close' if level == CLOSE else level}"
+    detail, dust = "close" if level == CLOSE else level, "" if upright else "_turned"
+    return f"/{_LIBRARY}/shape_{prototype:03}_{detail}{dust}"
 
 
 def _hull_path(prototype: int) -> str:
@@ -207,7 +219,9 @@ def define_instancer(
     """Draw rocks by levels of detail of their shapes, all in one prim."""
     shapes = whole.library.prototypes
     pairs, index = np.unique(
-        np.stack([rocks.prototype, level], axis=-1), axis=0, return_inverse=True
+        np.stack([rocks.prototype, level, lie_upright(rocks)], axis=-1),
+        axis=0,
+        return_inverse=True,
     )
     instancer = UsdGeom.PointInstancer.Define(stage, path)
     label(instancer.GetPrim(), kind)
@@ -278,6 +292,7 @@ def _specify_dynamic(
     moments, axes = principal_axes(inertias(rocks, world.library))
     tints = rock_tints(rocks.id, world.site.seed).tolist()
     level = np.where(np.isin(rocks.id, close), CLOSE, 0).tolist()
+    upright = lie_upright(rocks).tolist()
     with Sdf.ChangeBlock():
         for row, (population, tint, prototype) in enumerate(
             zip(rocks.population.tolist(), tints, rocks.prototype.tolist(), strict=True)
@@ -292,7 +307,8 @@ def _specify_dynamic(
             diagonal = Gf.Vec3f(*moments[row].tolist())
             specify(body, "physics:diagonalInertia", kinds.Float3, diagonal)
             specify(body, "physics:principalAxes", kinds.Quatf, gf_quaternion(axes[row]))
-            visual = _specify_instance(body, "visual", _visual_path(prototype, level[row]), shared)
+            shape = _visual_path(prototype, level[row], upright[row])
+            visual = _specify_instance(body, "visual", shape, shared)
             hulls = _specify_instance(body, "hulls", _hull_path(prototype), shared)
             for part in (visual, hulls):
                 specify_place(part, scale=float(rocks.scale[row]))

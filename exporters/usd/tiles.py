@@ -159,7 +159,7 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     assets.mkdir(exist_ok=True)
     shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())
     close = {number for number, shape in shapes if shape.close is not None}
-    write_library(world.library, assets, close=close)
+    write_library(world.library, assets, close=close, turned=True)
     for population in range(len(world.field.populations)):
         write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)

@@ -20,6 +20,7 @@ from terrain_forge.geometry import (
     dome_level,
     largest_outline_error,
     level_of_detail,
+    lie_upright,
     light_levels,
     rock_texture,
     static_losses,
@@ -46,7 +47,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets.mkdir()
     close = seen_close(world, within=options.close_within_m)
     drawn_close = world.field.prototype[np.isin(world.field.id, close)]
-    write_library(world.library, assets, close=set(drawn_close.tolist()))
+    turned = options.pebbles_min_m > 0.0 or not lie_upright(world.field).all()
+    write_library(world.library, assets, close=set(drawn_close.tolist()), turned=turned)
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
     write_rock_maps(world, assets)

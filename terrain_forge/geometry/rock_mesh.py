@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel, portable
+from terrain_forge.geometry.rock_looks import skin
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
 from terrain_forge.writers import Gltf, index_corners, vertex_normals, write_obj
 
@@ -118,12 +119,12 @@ def level_of_detail(prototype: RockPrototype, tolerance: float) -> int:
     return max(level for level, error in enumerate(errors) if level == 0 or error <= tolerance)
 
 
-def surface(prototype: RockPrototype, level: int = 0) -> TexturedMesh:
-    """A level of detail for formats that know one index per corner: cut open along seams.
+def surface(prototype: RockPrototype, level: int = 0, *, upright: bool = True) -> TexturedMesh:
+    """`skin` for formats that know one index per corner: cut open along seams.
 
-    Normals are those of the closed mesh, so that no seam shows in the shading. `CLOSE` is a level.
+    Normals are those of the closed mesh, so that no seam shows in the shading.
     """
-    mesh, uvs = prototype.drawn(level)
+    mesh, uvs = skin(prototype, level, upright=upright)
     corners = mesh.faces.reshape(-1, 1).astype(np.float64)
     rows = np.hstack([corners, uvs.reshape(-1, 2)])
     distinct, index = np.unique(rows, axis=0, return_inverse=True)
@@ -137,10 +138,15 @@ def surface(prototype: RockPrototype, level: int = 0) -> TexturedMesh:
 
 
 def write_rock_shape(
-    path: Path, shape: RockPrototype, level: int = 0, *, material: tuple[str, str] | None = None
+    path: Path,
+    shape: RockPrototype,
+    level: int = 0,
+    *,
+    upright: bool = True,
+    material: tuple[str, str] | None = None,
 ) -> None:
-    """Write a level of detail of a rock's shape as OBJ, in the prototype's frame."""
-    mesh, uvs = shape.drawn(level)
+    """Write `skin` as OBJ."""
+    mesh, uvs = skin(shape, level, upright=upright)
     coordinates, corners = index_corners(uvs)
     write_obj(
         path,

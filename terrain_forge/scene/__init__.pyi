@@ -42,7 +42,9 @@ from .stage import prepare_wheels as prepare_wheels
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of
+from .tints import dust_share as dust_share
 from .tints import dusty_factors as dusty_factors
 from .tints import rock_tints as rock_tints
+from .tints import soil_colour as soil_colour
 from .tints import tint_colours as tint_colours
 from .tints import tones as tones

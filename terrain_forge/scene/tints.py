@@ -33,7 +33,7 @@ def tint_colours(world: World) -> Array:
     bare = linear_from_srgb(world.appearance.rock_rgb / 255.0)[:, None, :]
     tone, dust = _TINTS[:, :1], _TINTS[:, 1:]
     colours = tone * bare
-    return np.asarray(np.minimum(colours + dust * (_soil(world) - colours), 1.0))
+    return np.asarray(np.minimum(colours + dust * (soil_colour(world) - colours), 1.0))
 
 
 def dusty_factors(world: World, population: int, up: Array) -> Array:
@@ -41,14 +41,18 @@ def dusty_factors(world: World, population: int, up: Array) -> Array:
 
     `up` is how far the faces' normals rise, -1 to 1, shape [faces].
     """
-    most = TOP_DUST if max(world.lighting.sky_rgb) > 0.0 else TOP_DUST_AIRLESS
-    share = most * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0)
     mean = np.maximum(tint_colours(world)[population].mean(axis=0), 1e-3)
-    return np.asarray(1.0 + share[:, None] * (_soil(world) / mean - 1.0))
+    return np.asarray(1.0 + dust_share(world, up)[:, None] * (soil_colour(world) / mean - 1.0))
 
 
-def _soil(world: World) -> Array:
-    """Linear colour of the regolith."""
+def dust_share(world: World, up: Array) -> Array:
+    """How much of the soil's colour lies on what rises so far, 0 to 1."""
+    most = TOP_DUST if max(world.lighting.sky_rgb) > 0.0 else TOP_DUST_AIRLESS
+    return np.asarray(most * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0))
+
+
+def soil_colour(world: World) -> Array:
+    """Linear colour of the regolith, shape [3]."""
     looks = world.appearance
     known = looks.materials[0].rgb if looks.materials else world.site.body.ground_rgb
     return linear_from_srgb(known)

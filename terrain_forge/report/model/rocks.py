@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import linear_from_srgb, xyzw
-from terrain_forge.geometry import rock_texture, surface
+from terrain_forge.geometry import lie_upright, rock_texture, surface
 from terrain_forge.model import RockField, World
 from terrain_forge.report.blocks import jpeg
 from terrain_forge.report.model.ground import Relief
@@ -38,13 +38,18 @@ def rock_nodes(world: World, relief: Relief, gltf: Gltf) -> Iterator[dict[str, A
     lift = relief.height_at(plan) - world.ground.height_at(plan[:, 0], plan[:, 1])
     position = rocks.position + lift[:, None] * (0.0, 0.0, 1.0)
     prototypes = world.library.prototypes
-    shape = cache(lambda kind, level: gltf.add_surface(surface(prototypes[kind], level)))
+
+    @cache
+    def shape(kind: int, level: int, upright: int) -> dict[str, Any]:
+        return gltf.add_surface(surface(prototypes[kind], level, upright=bool(upright)))
+
     names = world.field.populations
     look = cache(lambda n: add_painted(gltf, names[n], jpeg(rock_texture(world, n)), tiles=True))
-    kinds = np.stack([rocks.prototype, _levels(world, rocks), rocks.population], axis=-1)
-    for prototype, level, population in np.unique(kinds, axis=0).tolist():
-        rows = np.all(kinds == (prototype, level, population), axis=1)
-        primitive = {**shape(prototype, level), "material": look(population)}
+    shapes = rocks.prototype, _levels(world, rocks), lie_upright(rocks)
+    kinds = np.stack([*shapes, rocks.population], axis=-1)
+    for *kind, population in np.unique(kinds, axis=0).tolist():
+        rows = np.all(kinds == (*kind, population), axis=1)
+        primitive = {**shape(*kind), "material": look(population)}
         size = np.repeat(rocks.scale[rows, None], 3, axis=1)
         places = {
             "TRANSLATION": gltf.add_samples(position[rows].astype(np.float32)),

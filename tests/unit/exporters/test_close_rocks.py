@@ -14,6 +14,7 @@ from terrain_forge.exporters.sdf import export as export_sdf
 from terrain_forge.exporters.usd import Options as UsdOptions
 from terrain_forge.exporters.usd import export as export_usd
 
+from terrain_forge.geometry import skin
 from terrain_forge.model import CLOSE, Mesh
 from terrain_forge.rocks import seen_close
 from terrain_forge.scene import open_scene
@@ -111,7 +112,7 @@ def test_the_library_holds_the_close_mesh(world, tmp_path):
     export_usd(world, tmp_path, options=UsdOptions(close_within_m=4.0))
     stage = Usd.Stage.Open(str(tmp_path / "assets/rock_library.usdc"))
     for number in {*world.field.prototype[np.isin(world.field.id, [*near(world, 4.0)])].tolist()}:
-        mesh, uvs = world.library.prototypes[number].drawn(CLOSE)
+        mesh, uvs = skin(world.library.prototypes[number], CLOSE)
         path = f"/rock_library/shape_{number:03}_close/shape"
         drawn = UsdGeom.Mesh(stage.GetPrimAtPath(path))
         np.testing.assert_allclose(drawn.GetPointsAttr().Get(), mesh.vertices, atol=1e-6)

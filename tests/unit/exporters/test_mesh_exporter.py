@@ -7,6 +7,7 @@ from PIL import Image
 from terrain_forge.exporters.mesh import Options, export
 
 from terrain_forge.base import ExportError, RecipeError
+from terrain_forge.geometry import lie_upright, skin
 from terrain_forge.model import rotations
 from terrain_forge.validation import read_objects, read_triangles
 from terrain_forge.writers import vertex_normals
@@ -127,7 +128,7 @@ def test_rocks_as_objects(small_world, tmp_path):
     assert set(parts) == {"ground", *(f"rock_{identity}" for identity in field.id)}
     for row in range(len(field)):
         prototype = small_world.library.prototypes[field.prototype[row]]
-        shape, uvs = prototype.meshes[0], prototype.uvs[0]
+        shape, uvs = skin(prototype, upright=bool(lie_upright(field)[row]))
         wanted = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
         vertices, faces, coordinates = parts[f"rock_{field.id[row]}"]
         assert vertices.min(0) == pytest.approx(wanted.min(0), abs=2e-6)
