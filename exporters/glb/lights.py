@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import Array, portable
-from terrain_forge.geometry import light_levels
+from terrain_forge.geometry import facing_sun, light_levels
 from terrain_forge.model import Lighting, Mesh, World
 from terrain_forge.writers import Gltf
 
@@ -18,8 +18,8 @@ _EFFICACY = 98.0
 """Luminous efficacy of sunlight above an atmosphere [lm/W]: 133.1 klx (IES RP-21) of 1361 W/m²."""
 _BLENDER_EFFICACY = 683.0
 """What Blender divides lumens by [lm/W]."""
-_SUN_ALONE = 3.0
-"""How much brighter the Sun is where nothing is lit by the sky."""
+_AIRY, _AIRLESS = 0.9, 1.2
+"""What level white ground shows as where nothing but the Sun lights it, with a sky and without."""
 _BLENDER = 1.7
 """How much brighter still Blender wants it, which compresses what is bright."""
 _FAR = 2.5
@@ -36,9 +36,10 @@ def add_lights(world: World, gltf: Gltf, options: Options) -> tuple[list[Any], l
     stands in for the Sun: nothing lies within its range of a millimetre, where it would shine.
     """
     lighting = world.lighting
-    levels = light_levels(lighting, options.lights)
+    levels = light_levels(world, options.lights)
     shown = options.lights == "display"
-    lux = options.sun_lux or levels.sun * (_SUN_ALONE if shown else _EFFICACY)
+    alone = facing_sun(lighting, _AIRY if max(lighting.sky_rgb) > 0.0 else _AIRLESS)
+    lux = options.sun_lux or (alone if shown else levels.sun * _EFFICACY)
     lights = [_light("directional", "sun", lux)]
     nodes = [_sun_node(lighting)]
     if not shown or options.sun_lux:

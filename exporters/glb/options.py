@@ -41,8 +41,8 @@ class Options(Spec):
     """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
     wants a viewer whose exposure can be set."""
     sun_lux: Positive | None = None
-    """Illuminance of the Sun [lx], instead of what `lights` says: of `physical` it is the Sun's
-    irradiance times 98 lm/W."""
+    """Illuminance of the Sun [lx], instead of what `lights` says: of `physical` it is 98 lm/W
+    times what gets through the air of the Sun's irradiance."""
     pebbles_min_m: NotNegative = 0.0
     """Smallest pebbles that lie near the paths, for pictures alone [m]; 0 for none. They are in
     `pebbles.glb`, beside the world's file, as many as the law of the recipe's smallest rocks gives

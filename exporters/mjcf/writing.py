@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
-from terrain_forge.geometry import with_horizon_loss, write_rover_meshes
+from terrain_forge.geometry import light_levels, with_horizon_loss, write_rover_meshes
 from terrain_forge.model import ExportReport, Tile, Trajectory, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
@@ -134,9 +134,11 @@ def _farthest(world: World, options: Options) -> float:
 
 def _sun(world: World) -> Lines:
     towards = world.lighting.towards_sun
+    direct = 0.85 * min(2.0 * light_levels(world, "display").share, 1.0)
     return element(
         "light", name="sun", directional="true", dir=-towards, pos=towards * _extent(world),
-        diffuse=(0.85,) * 3, ambient=(0.1,) * 3, specular=(0.1,) * 3, castshadow="true",
+        diffuse=(direct,) * 3, ambient=(0.1 + 0.5 * (0.85 - direct),) * 3, specular=(0.1,) * 3,
+        castshadow="true",
     )  # fmt: skip
 
 

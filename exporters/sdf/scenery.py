@@ -6,7 +6,8 @@ import math
 from pathlib import Path
 
 from terrain_forge.dtm import ellipsoid
-from terrain_forge.model import Lighting, Site, World
+from terrain_forge.geometry import light_levels
+from terrain_forge.model import Site, World
 from terrain_forge.writers import Lines, element, file_name, leaves, write_xml
 
 from .model import Model, world_name
@@ -48,7 +49,7 @@ def write_world(
         *([_place(world.site)] if knows_surface(world.site, version) else []),
         _physics(physics, classic=classic),
         *(_systems() if sensing and not classic else []),
-        *_lights(world.lighting, sun=sun),
+        *_lights(world, sun=sun),
         *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
         name=world_name(name),
@@ -103,14 +104,15 @@ def _physics(name: str, *, classic: bool) -> Lines:
     return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
-def _lights(lighting: Lighting, *, sun: str) -> list[Lines]:
+def _lights(world: World, *, sun: str) -> list[Lines]:
+    lighting, share = world.lighting, light_levels(world, "display").share
     # Where no air scatters light, the ground still throws some back into the shadows.
-    ambient = [0.05 + 0.4 * channel for channel in lighting.sky_rgb]
+    ambient = [0.05 + 0.8 * (1.0 - share) * channel for channel in lighting.sky_rgb]
     colours = leaves(ambient=(*ambient, 1), background=(*lighting.sky_rgb, 1))
     light = leaves(
         cast_shadows="true",
         pose="0 0 100 0 0 0",
-        diffuse="1 1 1 1",
+        diffuse=(*(min(2.0 * share, 1.0),) * 3, 1),
         specular="0.1 0.1 0.1 1",
         direction=-lighting.towards_sun,
     )

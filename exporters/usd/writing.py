@@ -47,7 +47,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     assets.mkdir()
     close = seen_close(world, within=options.close_within_m)
     drawn_close = world.field.prototype[np.isin(world.field.id, close)]
-    turned = options.pebbles_min_m > 0.0 or not lie_upright(world.field).all()
+    turned = not lie_upright(world.field).all()
     write_library(world.library, assets, close=set(drawn_close.tolist()), turned=turned)
     for population in np.unique(world.field.population).tolist():
         write_png(assets / f"rock_{population}.png", rock_texture(world, population, tinted=True))
@@ -98,7 +98,7 @@ def define_world(stage: Usd.Stage, world: World, lights: Lights) -> None:
     scene = UsdPhysics.Scene.Define(stage, f"/{ROOT}/PhysicsScene")
     scene.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
     scene.CreateGravityMagnitudeAttr(world.site.body.gravity)
-    _define_lights(stage, world, light_levels(world.lighting, lights))
+    _define_lights(stage, world, light_levels(world, lights))
 
 
 def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:

@@ -24,6 +24,7 @@ from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor
 from .lights import LightLevels as LightLevels
 from .lights import Lights as Lights
+from .lights import facing_sun as facing_sun
 from .lights import light_levels as light_levels
 from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, linear_from_srgb, portable
-from terrain_forge.geometry.lights import LightLevels
+from terrain_forge.base import Array, portable
+from terrain_forge.geometry.lights import LightLevels, world_daylight
 from terrain_forge.model import Lighting, World
-from terrain_forge.sky import daylight, earth_disc, sky_points
+from terrain_forge.sky import earth_disc, sky_points
 
 SIZE = 512, 256
 """Pixels around and from zenith to nadir of a dusty sky."""
@@ -51,10 +51,7 @@ def _directions(size: tuple[int, int]) -> Array:
 
 def _dusty(world: World) -> Array:
     lighting, towards = world.lighting, _directions(SIZE)
-    assert lighting.dust is not None
-    pixels = world.appearance.ground_rgb[::16, ::16]
-    albedo = linear_from_srgb(pixels.mean(axis=(0, 1)) / 255.0)
-    day = daylight(lighting.dust, float(lighting.towards_sun[2]), albedo)
+    day, albedo = world_daylight(world)
     image = day.radiance(towards, lighting.towards_sun)
     image[towards[:, 0, 2] < 0.0] = albedo * (day.direct + day.diffuse)
     return np.asarray(image * (np.mean(lighting.sky_rgb) / day.diffuse.mean()))

@@ -132,9 +132,10 @@ def plan(
     require_straight(site)
     if not by_night:
         light_of(site)
-    check_layers(site.recipe.terrain.layers, site)
-    check_materials(recipe.terrain.materials, site)
-    check_appearance(recipe.terrain.appearance, site)
+    terrain = site.recipe.terrain
+    check_layers(terrain.layers, site)
+    check_materials(terrain.materials, site)
+    check_appearance(terrain.appearance, site)
     check_contact(site)
     if (picture := recipe.terrain.appearance.orthoimage) is not None:
         name = inputs.names[picture.image]

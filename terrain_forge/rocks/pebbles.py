@@ -110,9 +110,14 @@ def _cells(world: World, within: float) -> Array:
     """Columns and rows of the squares that reach within a distance of a path."""
     reach = int(np.ceil(within / _CELL)) + 1
     on_path = np.unique(np.floor(path_points(world) / _CELL).astype(np.int64), axis=0)
-    steps = np.arange(-reach, reach + 1)
-    around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    cells = np.unique((on_path[:, None, :] + around).reshape(-1, 2), axis=0)
+    bounds = np.floor(np.array(world.ground.bounds) / _CELL).astype(np.int64)
+    axes = [np.arange(bounds[n], bounds[n + 2] + 1) for n in (0, 1)]
+    if len(on_path) * (2 * reach + 1) ** 2 < len(axes[0]) * len(axes[1]):
+        steps = np.arange(-reach, reach + 1)
+        around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        cells = np.unique((on_path[:, None, :] + around).reshape(-1, 2), axis=0)
+    else:  # more than the site has
+        cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.asarray(cells[path_distance(world, (cells + 0.5) * _CELL) <= within + _CELL])
 
 

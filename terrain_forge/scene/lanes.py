@@ -217,7 +217,7 @@ def meet(space, lane, ray, word, owner, origin, stage, parts):  # type: ignore[n
         _meet_rock(space, lane, ray, word, stage, owner)
     else:
         x, y, z = ray[NORMAL_X, lane], ray[NORMAL_Y, lane], ray[NORMAL_Z, lane]
-        if z < _0 and owner != -4:
+        if z < _0 and owner == -1:
             x, y, z = -x, -y, -z
         set_unit(space, FLAT_X, lane, x, y, z)
         if owner == -1:

@@ -8,6 +8,7 @@ repeats and is the same in every window.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -23,7 +24,6 @@ from terrain_forge.base import (
     RecipeError,
     Spec,
     linear_from_srgb,
-    portable,
     srgb_from_linear,
     stage_key,
 )
@@ -35,8 +35,8 @@ MOST_MATERIALS = 15
 """Materials that a recipe may have, besides the regolith."""
 _OCTAVES = 6
 _FALL = 0.6
-_DEVIATION = 0.30
-"""Standard deviation of the patches' noise, of the first octave's amplitude."""
+_SAMPLES, _QUANTILES = 256, 2048
+"""Of the patches' noise: places each way that it is known from, and steps of its distribution."""
 
 MaterialKind = Literal["regolith", "bedrock", "lag", "sand", "dust", "own"]
 
@@ -117,9 +117,14 @@ def check_materials(specs: tuple[MaterialSpec, ...], site: Site) -> None:
         raise RecipeError(
             f"{len(specs)} materials, at most {MOST_MATERIALS}", key=("terrain", "materials")
         )
-    named = {"ground"}
+    named = set[str]()
     for number, spec in enumerate(specs):
         key: Key = ("terrain", "materials", number)
+        if spec.label.lower() == "ground":
+            raise RecipeError(
+                "'ground' is what the ground without materials is called: give it another name",
+                key=(*key, "name"),
+            )
         if spec.label.lower() in named:
             raise RecipeError(
                 f"a material before is called {spec.label!r} too: give each a name of its own",
@@ -188,18 +193,30 @@ def classify_ground(
             weight = mask_weight(spec.mask, site=site, window=around, elevation=heights)
             share *= weight[own]
         key = stage_key(site.seed, f"material/{spec.label}")
-        waves = spec.patch_m * 0.5 ** np.arange(float(_OCTAVES))
-        noise = octaves(
-            key,
-            east=east,
-            north=north,
-            wavelengths=waves[waves >= site.spacing],
-            amplitudes=_FALL ** np.arange(float(np.count_nonzero(waves >= site.spacing))),
-        )
-        # The normal distribution by the logistic one: the rank of the noise, 0 to 1.
-        rank = 1.0 / (1.0 + portable.exp(np.clip(-1.702 / _DEVIATION * noise, -60.0, 60.0)))
-        found[rank < share] = number
+        count = int(np.count_nonzero(_waves(spec.patch_m, _OCTAVES) >= site.spacing))
+        noise = _patches(key, east, north, spec.patch_m, max(count, 1))
+        ranks = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+        found[np.interp(noise, _quantiles(max(count, 1)), ranks) < share] = number
     return found
+
+
+def _waves(patch: float, count: int) -> Array:
+    return np.asarray(patch * 0.5 ** np.arange(float(count)))
+
+
+def _patches(key: np.uint64, east: Array, north: Array, patch: float, count: int) -> Array:
+    """Noise of some octaves, the longest as wide as a patch [m]."""
+    fall = _FALL ** np.arange(float(count))
+    return octaves(key, east=east, north=north, wavelengths=_waves(patch, count), amplitudes=fall)
+
+
+@cache
+def _quantiles(count: int) -> Array:
+    """Values of the patches' noise that equal shares of all places lie below."""
+    key, apart = stage_key(0, "material-quantiles"), 0.5 * (1.0 + np.sqrt(5.0))
+    at = apart * np.arange(float(_SAMPLES))  # in patches, never twice at one place of the lattice
+    noise = np.sort(_patches(key, at, at, 1.0, count), axis=None)
+    return np.asarray(noise.reshape(_QUANTILES, -1).mean(axis=1))
 
 
 def materials_reach(specs: tuple[MaterialSpec, ...], site: Site) -> float:

@@ -133,3 +133,11 @@ def test_what_no_law_or_memory_holds_is_refused(world, smallest, within, told):
         path_pebbles(world, smallest=smallest, within=within)
     with pytest.raises(ExportError, match="no path"):
         path_pebbles(world.replace(trajectories=()), smallest=0.05, within=1.0)
+
+
+def test_however_far_they_end_at_the_border(world):
+    """A distance beyond the site asks for no more memory than the site."""
+    all_over = path_pebbles(world, smallest=0.1, within=30.0)
+    farther = path_pebbles(world, smallest=0.1, within=1e6)
+    assert len(all_over) > 50
+    assert np.array_equal(all_over.position, farther.position)

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from terrain_forge.base import compass_to_direction
-from terrain_forge.model import MOON, Window
+from terrain_forge.model import MOON, Mesh, Window
 from terrain_forge.scene import (
     RayScene,
     open_scene,
@@ -17,7 +17,7 @@ from terrain_forge.scene import (
     take_picture,
     write_preview,
 )
-from terrain_forge.scene.camera import map_camera
+from terrain_forge.scene.camera import map_camera, pinhole_camera
 from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
 from tests.helpers import worlds
 from tests.helpers.pictures import PREVIEW
@@ -161,6 +161,43 @@ def test_a_map_is_lit_alike_on_both_sides_of_the_border(small_world):
     image = aerial(worlds.with_horizon(bare), width=280, height=200).astype(float)
     within, beyond = image[60:140, 60:220].mean(), image[:, :15].mean()  # from 2 m on, in 0.1 m
     assert beyond == pytest.approx(within, rel=0.05)
+
+
+def test_what_leans_over_beyond_the_border_is_lit_by_the_sun_before_it(small_world):
+    """As faces of rocks do; the ground's triangles alone all look up."""
+    bare = small_world.replace(
+        ground=small_world.ground.replace(elevation=np.zeros_like(small_world.ground.elevation)),
+        field=small_world.field.select(np.arange(0)),
+    )
+    world = worlds.with_horizon(bare)
+    east = world.ground.bounds[2]
+    wall = np.array([(4.0, -3.0, -1.0), (4.0, 3.0, -1.0), (3.2, 3.0, 2.0), (3.2, -3.0, 2.0)])
+    first, horizon = len(world.horizon.mesh.vertices), world.horizon
+    faces = first + np.array([(1, 0, 3), (1, 3, 2)], np.int32)
+    normal = np.cross(wall[0] - wall[1], wall[3] - wall[1])
+    assert (normal[[0, 2]] < 0.0).all()
+    world = world.replace(
+        horizon=horizon.replace(
+            mesh=Mesh(
+                vertices=np.concatenate([horizon.mesh.vertices, wall + np.array([east, 0.0, 0.0])]),
+                faces=np.concatenate([horizon.mesh.faces, faces]),
+            ),
+            normals=np.concatenate(
+                [horizon.normals, np.tile(normal / np.linalg.norm(normal), (4, 1))]
+            ),
+            rgb=np.concatenate([horizon.rgb, np.full((4, 3), 120.0)]),
+        )
+    )
+    camera = pinhole_camera(
+        position=np.array([east - 4.0, 0.0, 0.5]), yaw=0.0, pitch=0.0, field_of_view=0.2,
+        width=20, height=10,
+    )  # fmt: skip
+    seen = []
+    for azimuth_deg in (270.0, 90.0):
+        sun = {"sun_azimuth": np.radians(azimuth_deg), "sun_elevation": np.radians(15.0)}
+        with open_scene(world.replace(lighting=world.lighting.replace(**sun))) as scene:
+            seen.append(take_picture(scene, camera).astype(float).mean())
+    assert seen[0] > 1.4 * seen[1]
 
 
 def test_world_without_rocks_and_paths_has_a_picture(flat_world):

@@ -7,12 +7,14 @@ import mujoco
 import numpy as np
 import pytest
 import rasterio
+from PIL import Image
 
 from terrain_forge.base import RecipeError
 from terrain_forge.making import plan
 from terrain_forge.model import exporter
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import recipe_from_json
+from terrain_forge.terrain.materials import classify_ground
 from terrain_forge.truth import write_truth
 
 SOILS = [
@@ -22,10 +24,10 @@ SOILS = [
 ]
 
 
-def recipe(materials, **more):
+def recipe(materials, size=(24, 20), **more):
     terrain = {"spacing_m": 0.25, "layers": [{"kind": "fractal"}], "materials": materials}
     return recipe_from_json(json.dumps(
-        {"name": "soils", "body": "mars", "dtm": {"kind": "flat", "size_m": [24, 20]},
+        {"name": "soils", "body": "mars", "dtm": {"kind": "flat", "size_m": size},
          "terrain": terrain, **more}
     ))  # fmt: skip
 
@@ -59,6 +61,32 @@ def test_materials_lie_where_their_masks_let_them_and_hide_those_before(world):
     assert sand[inner][low].mean() == pytest.approx(0.9, abs=0.12)
     red = looks.ground_rgb[..., 0].astype(float)
     assert red[looks.material == 1].mean() > red[looks.material == 0].mean() > red[sand].mean()
+
+
+@pytest.mark.parametrize("cover", [0.01, 0.05, 0.3, 0.8, 0.98])
+@pytest.mark.parametrize("patch", [0.1, 1.0])
+def test_a_material_covers_the_share_that_it_says(cover, patch):
+    site = plan(recipe([{"kind": "dust", "cover": cover, "patch_m": patch}], size=(100, 100)))
+    flat = np.zeros((site.window.rows + 1, site.window.columns + 1))
+    laid = classify_ground(
+        site.recipe.terrain.materials,
+        site=site, window=site.window, around=site.window, heights=flat,
+    )  # fmt: skip
+    assert laid.mean() == pytest.approx(cover, abs=0.003 + 0.1 * cover * (1.0 - cover))
+
+
+def test_an_image_by_its_absolute_path_is_a_mask(tmp_path):
+    half = np.zeros((20, 24), np.uint8)
+    half[:, :12] = 255
+    Image.fromarray(half).save(tmp_path / "half.png")
+    found = [
+        realise(plan(recipe([{"kind": "sand", "mask": {"image": str(name)}}]), folder=tmp_path))
+        for name in ("half.png", tmp_path / "half.png")
+    ]
+    relative, absolute = (world.appearance.material for world in found)
+    assert np.array_equal(relative, absolute)
+    assert relative[:, :40].all()
+    assert not relative[:, 60:].any()
 
 
 def test_a_window_has_the_materials_of_the_whole(site, world):
@@ -121,7 +149,10 @@ def test_each_material_is_felt_in_mujoco_and_the_ground_is_as_high_as_before(wor
         ([{"kind": "sand", "cover": 0.5, "texture": "s.png"}], "texture"),
         ([{"kind": "mud", "cover": 0.5}], "bedrock"),
         ([{"kind": "sand", "cover": 0.5}] * 2, "a material before is called 'sand' too"),
-        ([{"kind": "sand", "name": "ground", "cover": 0.5}], "is called 'ground' too"),
+        (
+            [{"kind": "sand", "name": "ground", "cover": 0.5}],
+            "'ground' is what the ground without materials is called",
+        ),
         ([{"kind": "sand", "mask": {"hollow": {}}}], "above_m or below_m is needed"),
         ([{"kind": "sand", "name": f"s{n}", "cover": 0.5} for n in range(16)], "at most 15"),
     ],
