@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, image_rows, srgb_from_linear
 from terrain_forge.model import Mesh, RockField, RockPrototype, World, rotations
-from terrain_forge.scene import dust_share, dusty_factors, soil_colour, tint_colours
+from terrain_forge.scene import (
+    DUST_VALUE,
+    SOILED,
+    dust_share,
+    dusty_factors,
+    soil_colour,
+    tint_colours,
+)
 from terrain_forge.writers import vertex_normals
 
 _UPRIGHT = 0.8
@@ -26,8 +33,6 @@ _DUSTY = (0.45, 0.65, 0.9)
 _MARGIN = 0.375
 """How far the tile goes on to both sides of each copy: rocks are up to 1.7 mean axes long."""
 _PITCH = 1.0 + 2.0 * _MARGIN
-_SOILED = 0.4
-"""How much of a rock's own brightness and darkness dust shows, as in our own pictures."""
 
 
 def lie_upright(rocks: RockField) -> NDArray[np.bool_]:
@@ -73,10 +78,10 @@ def rock_texture(world: World, population: int, *, tinted: bool = False) -> NDAr
     colour = colours.max(axis=0) if tinted else colours.mean(axis=0)
     soil = soil_colour(world) * colour / np.maximum(colours.mean(axis=0), 1e-3)
     bright = np.arange(256) / world.library.texture.mean()
-    bare, soiled = bright[:, None] * colour, (1.0 + _SOILED * (bright[:, None] - 1.0)) * soil
+    bare, soiled = bright[:, None] * colour, (1.0 + SOILED * (bright[:, None] - 1.0)) * soil
     copies = [bare]
     for rise in _DUSTY:  # dust keeps to what is bright as to what rises
-        share = dust_share(world, rise + bright - 1.0)[:, None]
+        share = dust_share(world, rise + DUST_VALUE * (bright - 1.0))[:, None]
         copies.append(bare + share * (soiled - bare))
     lights = np.clip(np.stack(copies), 0.0, 1.0)
     table = np.rint(255.0 * srgb_from_linear(lights)).astype(np.uint8)

@@ -42,6 +42,8 @@ from .stage import prepare_wheels as prepare_wheels
 from .subject import Instances as Instances
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of
+from .tints import DUST_VALUE as DUST_VALUE
+from .tints import SOILED as SOILED
 from .tints import dust_share as dust_share
 from .tints import dusty_factors as dusty_factors
 from .tints import rock_tints as rock_tints

@@ -65,7 +65,7 @@ from terrain_forge.scene.stage import (
     SUN,
     TURN,
 )
-from terrain_forge.scene.tints import DUST_FROM, DUST_OVER
+from terrain_forge.scene.tints import DUST_FROM, DUST_OVER, DUST_VALUE, SOILED
 
 _0, _HALF, _1, _2, _TINY = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0, 1e-6))
 _ROUGH, _LEAST_MU, _ROVER = (np.float32(n) for n in (0.05**2, 0.1, -4.0))
@@ -148,7 +148,7 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
 
 
 _LOW_0, _LOW_1, _UP, _OVER, _UP_VALUE, _LOW_DUST, _SPOTS, _SOILED = (
-    np.float32(n) for n in (0.04, 0.12, DUST_FROM, DUST_OVER, 1.0, 0.6, 1.0, 0.4)
+    np.float32(n) for n in (0.04, 0.12, DUST_FROM, DUST_OVER, DUST_VALUE, 0.6, 1.0, SOILED)
 )
 _SMOOTH = np.float32(1e-3)  # things that are made for a size below this have no relief [m]
 

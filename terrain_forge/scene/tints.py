@@ -21,6 +21,10 @@ TOP_DUST, TOP_DUST_AIRLESS = 0.55, 0.25
 """How much of the soil's colour lies on what looks up, with air and without: assumptions."""
 DUST_FROM, DUST_OVER = 0.35, 0.5
 """Rise of a face's normal from which dust lies on it, and what more it takes for all of it."""
+DUST_VALUE = 1.0
+"""What a place's brightness over the texture's mean, less 1, adds to that rise."""
+SOILED = 0.4
+"""How much of the texture's contrast shows on what dust lies on."""
 
 
 def rock_tints(ids: NDArray[np.int32], seed: int) -> NDArray[np.int64]:
