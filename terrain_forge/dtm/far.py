@@ -288,4 +288,8 @@ def require_coarser(raster: Raster, name: str) -> None:
     """
     if not raster.crs or not raster.vertical.known:
         missing = "georeference" if not raster.crs else "vertical scale"
-        raise DataError(f"{name} has no {missing}: the horizon needs both", key=("horizon", "dtm"))
+        raise DataError(
+            f"{name} has no {missing}: a terrain model for the horizon needs a georeference and a "
+            "vertical scale",
+            key=("horizon", "dtm"),
+        )

@@ -13,7 +13,7 @@ from terrain_forge.base import Array, OutputError, Record, shaped
 from terrain_forge.illumination.horizon import LOWEST, horizon_slopes
 from terrain_forge.illumination.land import Land
 from terrain_forge.model import Ephemeris, Site
-from terrain_forge.sky import Above, days_of, highest_declination, look_up
+from terrain_forge.sky import Above, days_of, highest_declination, look_up, utc_text
 
 MOST = 100_000
 """Moments of a period."""
@@ -49,8 +49,10 @@ def moments_of(begin: datetime, end: datetime, step: timedelta) -> list[datetime
     Raises:
         OutputError: where there is none, or too many.
     """
-    if end <= begin or step <= timedelta(0):
-        raise OutputError("--to must be after --from, and --step above 0")
+    if end <= begin:
+        raise OutputError(f"--to {utc_text(end)}: it must be after --from {utc_text(begin)}")
+    if step <= timedelta(0):
+        raise OutputError(f"--step {step}: it must be above 0")
     count = max(1, round((end - begin) / step))
     if count > MOST:
         raise OutputError(f"{count:,} moments, at most {MOST:,}: take a longer --step")

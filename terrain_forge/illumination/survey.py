@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, OutputError, Progress, Stopwatch, silent
+from terrain_forge.base import Array, OutputError, Progress, RecipeError, Stopwatch, silent
 from terrain_forge.building import pace, replacing, require_ours, told_files, write_manifest
 from terrain_forge.illumination.files import write_film, write_hours, write_maps, write_table
 from terrain_forge.illumination.land import Land, Source, find_land
@@ -109,7 +109,7 @@ def illuminate(
     removed = require_ours(out, force=force, holds=HOLDS)
     place = place_of(site, key=("sun", "time"))
     begin = _begin(site, wish, place)
-    end = read_time(wish.end) if wish.end else begin + solar_day(place[0])
+    end = _time("--to", wish.end) if wish.end else begin + solar_day(place[0])
     step = _length(wish.step) if wish.step else (end - begin) / _STEPS
     moments = moments_of(begin, end, step)
     read_time(moments[-1].isoformat())
@@ -181,10 +181,17 @@ def _write(
     return lines
 
 
+def _time(option: str, text: str) -> datetime:
+    try:
+        return read_time(text)
+    except RecipeError as error:
+        raise RecipeError(f"{option}: {error}") from None
+
+
 def _begin(site: Site, wish: Wish, place: tuple[object, Array | tuple[float, float]]) -> datetime:
     sun = site.recipe.sun
     if wish.begin:
-        return read_time(wish.begin)
+        return _time("--from", wish.begin)
     if not sun.by_date:
         raise OutputError("the recipe's Sun has no date: give the period as --from and --to")
     return moment_of(sun, place[0], place[1])  # type: ignore[arg-type]
