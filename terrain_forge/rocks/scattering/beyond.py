@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -13,9 +14,14 @@ from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
 
 _MOST_VERTICES = 12_000
-"""The largest rocks are drawn until they have about as many in all."""
+"""Rocks are drawn, those that look largest from the border first, until they have about as many."""
 _SMALLEST = 0.1
 """Rocks below this diameter are not drawn [m]."""
+_NEAR = 10.0
+"""Distance from the border at which an eye is thought to stand [m]."""
+_STRIPS = 12
+_ANGLES = portable.power(2.0, np.arange(-320, 1) / 16.0)
+"""Smallest diameters of drawn rocks over their distance from that eye, to choose from."""
 _STEPS = 257
 _DRAWS = 6
 _FOOT = 0.4
@@ -61,10 +67,11 @@ def rocks_beyond(
     width: float,
     height_at: Callable[[Array, Array], Array],
 ) -> RocksBeyond:
-    """The largest rocks in a belt around a world, as many as the populations' laws say.
+    """Rocks in a belt around a world, as many as the populations' laws say.
 
-    They lie anywhere (Poisson): clusters, craters, images of density, zones and lists are of the
-    site alone. They may touch each other.
+    The farther from the border, the larger are the smallest, so that no line shows where the small
+    ones end. They lie anywhere (Poisson): clusters, craters, images of density, zones and lists are
+    of the site alone. They may touch each other.
 
     Args:
         site: The site.
@@ -74,16 +81,15 @@ def rocks_beyond(
         width: Of the belt [m].
         height_at: Height of the ground beyond at points east and north [m].
     """
-    west, south, east, north = bounds
-    area = (east - west + 2.0 * width) * (north - south + 2.0 * width)
-    belt = area - (east - west) * (north - south)
     shapes = [_Shape.of(prototype.meshes[-1]) for prototype in library.prototypes]
     each = sum(len(shape.vertices) for shape in shapes) / len(shapes)
-    least = _least(populations, belt, _MOST_VERTICES / each)
+    strips = _strips(populations, bounds, width, _MOST_VERTICES / each)
     vertices, faces, population, tone = [np.empty((0, 3))], [_NO_FACES], [_NO], [np.empty(0)]
     count = first = 0
     for number, spec in enumerate(populations):
-        drawn = _draw(site, spec, least, area, bounds, width)
+        drawn = np.concatenate(
+            [_draw(site, spec, strip, bounds, n) for n, strip in enumerate(strips)]
+        )
         foot = _FOOT * drawn[:, 2]
         around = [height_at(drawn[:, 0] + a * foot, drawn[:, 1] + b * foot) for a, b in _AROUND]
         ground = np.min(around, axis=0)
@@ -106,15 +112,43 @@ def rocks_beyond(
     )
 
 
-def _least(populations: tuple[PopulationSpec, ...], area: float, most: float) -> float:
-    """Diameter [m] above which no more rocks are expected than are drawn."""
-    largest = max((spec.diameters[1] for spec in populations), default=_SMALLEST)
-    sizes = portable.geomspace(_SMALLEST, max(largest, 1.001 * _SMALLEST), _STEPS)
-    expected = [
-        sum(area * spec.density(*_between(spec, size)) for spec in populations)
-        for size in sizes.tolist()
-    ]
-    return float(sizes[min(int(np.sum(np.array(expected) > most)), len(sizes) - 1)])
+class _Strip(NamedTuple):
+    """A part of the belt all around."""
+
+    inner: float
+    outer: float
+    """Its distances from the border [m]."""
+    area: float
+    """[m²]."""
+    least: float
+    """Diameter of the smallest rocks that are drawn in it [m]."""
+
+
+def _strips(
+    populations: tuple[PopulationSpec, ...], bounds: Bounds, width: float, most: float
+) -> list[_Strip]:
+    """The belt's strips with no more rocks expected than are drawn."""
+    west, south, east, north = bounds
+    edges = width * (np.arange(_STRIPS + 1.0) / _STRIPS) ** 2
+    inner, outer = edges[:-1], edges[1:]
+    areas = 2.0 * (outer - inner) * (east - west + north - south + 2.0 * (outer + inner))
+
+    def least(angle: float) -> list[float]:
+        sizes: list[float] = np.maximum(angle * (_NEAR + inner), _SMALLEST).tolist()
+        return sizes
+
+    def too_many(angle: float) -> bool:
+        table = [*zip(areas.tolist(), least(angle), strict=True)]
+        expected = [
+            area * spec.density(*_between(spec, size))
+            for spec in populations
+            for area, size in table
+        ]
+        return bool(sum(expected) > most)
+
+    chosen = _ANGLES[bisect_left(_ANGLES[:-1], True, key=lambda angle: not too_many(angle))]
+    table = inner.tolist(), outer.tolist(), areas.tolist(), least(chosen)
+    return [*map(_Strip, *table)]
 
 
 def _between(spec: PopulationSpec, least: float) -> tuple[float, float]:
@@ -122,13 +156,11 @@ def _between(spec: PopulationSpec, least: float) -> tuple[float, float]:
     return min(max(low, least), high), high
 
 
-def _draw(
-    site: Site, spec: PopulationSpec, least: float, area: float, bounds: Bounds, width: float
-) -> Array:
+def _draw(site: Site, spec: PopulationSpec, strip: _Strip, bounds: Bounds, number: int) -> Array:
     """East, north, diameter [m], and three draws of 0 to 1, of each rock, shape [rocks, 6]."""
-    low, high = _between(spec, least)
-    mean = area * spec.density(low, high)
-    key = stage_key(site.seed, f"horizon/{spec.name}")
+    low, high = _between(spec, strip.least)
+    mean = strip.area * spec.density(low, high)
+    key = stage_key(site.seed, f"horizon/{spec.name}/{number}")
     count = int(mean + uniforms(key, 1)[0])
     if not count or high <= low:
         return np.empty((0, _DRAWS))
@@ -138,12 +170,25 @@ def _draw(
     above = np.array([float(law.cumulative_number(size)) for size in sizes.tolist()])
     wanted = above[-1] + drawn[:, 2] * (above[0] - above[-1])
     size = np.interp(wanted, above[::-1], sizes[::-1])
+    x, y = _around_bounds(drawn[:, :2], strip, bounds)
     west, south, east, north = bounds
-    x = west - width + drawn[:, 0] * (east - west + 2.0 * width)
-    y = south - width + drawn[:, 1] * (north - south + 2.0 * width)
     away = np.maximum(np.maximum(west - x, x - east), np.maximum(south - y, y - north))
-    clear = (away > 0.75 * size) & (away < width)
-    return np.asarray(np.column_stack([x, y, size, drawn[:, 3:]])[clear])
+    return np.asarray(np.column_stack([x, y, size, drawn[:, 3:]])[away > 0.75 * size])
+
+
+def _around_bounds(draws: Array, strip: _Strip, bounds: Bounds) -> tuple[Array, Array]:
+    """Places spread evenly over a strip, of draws of 0 to 1, shape [places, 2]."""
+    west, south, east, north = bounds
+    deep = strip.inner + (strip.outer - strip.inner) * draws[:, 1]
+    # In turn along the south, east, north and west, each with the corner at its end.
+    wide, high = east - west + strip.inner + strip.outer, north - south + strip.inner + strip.outer
+    along = draws[:, 0] * 2.0 * (wide + high)
+    side = np.searchsorted([wide, wide + high, 2.0 * wide + high], along, side="right")
+    begin = np.array([0.0, wide, wide + high, 2.0 * wide + high])[side]
+    far = along - begin - strip.inner
+    x = np.choose(side, [west + far, east + deep, east - far, west - deep])
+    y = np.choose(side, [south - deep, south + far, north + deep, north - far])
+    return x, y
 
 
 def _placed(drawn: Array, shape: _Shape, spec: PopulationSpec, ground: Array) -> Array:
