@@ -18,7 +18,8 @@ from terrain_forge.dtm import (
     site_facts,
     still_to_fetch,
 )
-from terrain_forge.model import BODIES, Site
+from terrain_forge.making import light_of
+from terrain_forge.model import BODIES, Lighting, Site
 from terrain_forge.paths import Planned, duration
 from terrain_forge.recipe import (
     ExportOrder,
@@ -81,6 +82,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     for line in site_facts(site):
         yield f"  {line}"
     yield f"  horizon      {_horizon(site)}"
+    yield f"  sun          {_sun(light_of(site))}"
     rocks = rocks_of(site)
     yield f"  rocks        about {rocks:,.0f}, up to {site.largest_rock:.3g} m"
     if recipe.rocks.library.shapes and recipe.rocks.library.is_tight:
@@ -149,6 +151,13 @@ def _lines(description: Description) -> Iterator[str]:
         yield f"  {name:<12} {value}"
     for warning in description.warnings:
         yield f"  warning      {warning}"
+
+
+def _sun(light: Lighting) -> str:
+    """Where the Sun stands, and when that is."""
+    stands = f"{degrees(light.sun_elevation):.1f}° high, azimuth {degrees(light.sun_azimuth):.1f}°"
+    local = f", {light.solar_time} local true solar time" if light.solar_time else ""
+    return f"{stands}; {light.time}{local}" if light.time else stands
 
 
 def _horizon(site: Site) -> str:

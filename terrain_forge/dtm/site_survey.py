@@ -125,7 +125,10 @@ def _beyond(
         raise DataError("a second terrain model needs a georeferenced site", key=("horizon", "dtm"))
     spec = RasterDtm(source=horizon.dtm, size_m=size)
     with reading(horizon.dtm, key=("horizon", "dtm")):
-        raster = open_raster(spec, body=body, folder=folder)
+        try:
+            raster = open_raster(spec, body=body, folder=folder)
+        except DataError as error:  # which names the keys of the site's own
+            raise DataError(str(error), key=("horizon", "dtm")) from None
         with raster.dataset:
             require_coarser(raster, horizon.dtm)
             levels = read_surroundings(

@@ -2,6 +2,7 @@
 
 from .horizon import make_horizon as make_horizon
 from .lighting import light_at as light_at
+from .lighting import light_of as light_of
 from .lighting import place_of as place_of
 from .planning import plan as plan
 from .realising import make_ground as make_ground

@@ -309,7 +309,7 @@ def test_wrong_input_leaves_nothing(tmp_path):
 def test_check_and_init(tmp_path):
     done = run("check", recipe(tmp_path))
     assert done.returncode == 0, done.stderr
-    for word in ("GTiff", "posting", "65 × 49 nodes", "rocks", "arc: ", "cost"):
+    for word in ("GTiff", "posting", "65 × 49 nodes", "rocks", "arc: ", "cost", "sun  "):
         assert word in done.stdout
     done = run("check", ROOT / "dtm_samples" / "moon_mare_synthetic.tif")
     assert "posting      2 m" in done.stdout

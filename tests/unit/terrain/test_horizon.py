@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -133,6 +134,10 @@ def test_a_second_model_elsewhere_is_refused(site_in_hills, tmp_path):
     dtm = FlatDtm(size_m=(100.0, 80.0), lonlat_deg=(10.0, 0.0))
     with pytest.raises(DataError, match=r"small\.tif does not reach around the site"):
         plan(recipe(dtm, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
+    lunar = replace(recipe(dtm, HorizonSpec(dtm="small.tif")), body="moon")
+    with pytest.raises(DataError, match="lies on a body of") as caught:
+        plan(lunar, folder=site_in_hills)
+    assert caught.value.key == ("horizon", "dtm")
     nowhere = FlatDtm(size_m=(100.0, 80.0))
     with pytest.raises(DataError, match="needs a georeferenced site"):
         plan(recipe(nowhere, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
