@@ -27,7 +27,7 @@ MODULES = [Path(folder) for folder in os.environ.get("NODE_PATH", "").split(os.p
 FLAGS = [
     "--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--window-size=600,450", "--virtual-time-budget=60000",
+    "--enable-unsafe-swiftshader", "--window-size=600,450", "--virtual-time-budget=100000000",
 ]  # fmt: skip
 pytestmark = [
     pytest.mark.consumer,
