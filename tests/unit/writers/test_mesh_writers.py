@@ -121,8 +121,7 @@ def test_a_rocks_texture_is_its_colour_in_linear_light(small_world):
         texture=np.array([[0, 255], [64, 128]]), normals=None, roughness=None
     )
     world = small_world.replace(library=library)
-    image = rock_texture(world, 1, tinted=True)
-    assert image.shape == (2, 2, 3)
+    image = rock_texture(world, 1, tinted=True)[:, 1:3]  # the bare tile, which goes on around it
     colours = tint_colours(world)[1]
     colour, mean = colours.max(axis=0), 447 / 4
     for brightness, pixel in ((0, image[1, 0]), (255, image[1, 1]), (64, image[0, 0])):
