@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import random
 import re
 import shutil
+import signal
 import tempfile
 import time
+import traceback
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from tests.fuzz import samples, trial
@@ -17,7 +23,9 @@ from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
 
 CORPUS = Path(__file__).parent / "corpus"
-KINDS = ("recipes", "files", "worlds", "kills")
+KINDS = {"recipes": 20, "files": 19, "worlds": 8, "recordings": 2, "kills": 1}
+"""Kinds of inputs, and how many of each there are among fifty: a kill takes as long as a hundred
+recipes."""
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
 
 
@@ -34,6 +42,16 @@ class Figures:
     seconds: float = 0.0
     slowest: float = 0.0
     largest: float = 0.0
+
+    def add(self, other: Figures) -> None:
+        """Take in what came of another campaign at the same time."""
+        self.inputs += other.inputs
+        self.statuses += other.statuses
+        for name, where in other.findings.items():
+            self.findings.setdefault(name, []).extend(where)
+        self.seconds = max(self.seconds, other.seconds)
+        self.slowest = max(self.slowest, other.slowest)
+        self.largest = max(self.largest, other.largest)
 
     def lines(self) -> list[str]:
         """The figures as text."""
@@ -63,7 +81,7 @@ class Campaign:
         self,
         *,
         seed: int,
-        kinds: tuple[str, ...] = KINDS,
+        kinds: tuple[str, ...] = tuple(KINDS),
         keep: Path,
         builds: float = 0.1,
         timed: bool = False,
@@ -83,6 +101,10 @@ class Campaign:
             world = self._good_world()
             self._writers["worlds"] = Worlds(self._rng, world)
             self._kills = Kills(self._rng, world, timed=timed)
+        if "recordings" in kinds:
+            recorded = self._recorded_world()
+            self._writers["recordings"] = Worlds(self._rng, recorded, recorded=True)
+        trial.load_kernels()
 
     def regressions(self) -> None:
         """Check the inputs that something was once wrong with."""
@@ -99,37 +121,80 @@ class Campaign:
             self.figures.inputs["corpus"] += 1
             shutil.rmtree(folder)
 
-    def run(self, *, seconds: float = 1e9, inputs: int = 10**9) -> Figures:
-        """Run for a time, or a number of inputs, or until an interrupt."""
-        begin, kinds = time.monotonic(), self._kinds
+    def run(self, *, seconds: float = 1e9, inputs: int = 10**9, jobs: int = 1) -> Figures:
+        """Run for a time, or a number of inputs, or until an interrupt.
+
+        Args:
+            seconds: For how long.
+            inputs: How many.
+            jobs: How many processes draw and run them; which they are does not depend on it.
+        """
+        pipes = [self._fork(job, jobs, seconds, inputs) for job in range(jobs)]
+        usual = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the others end, and tell
         try:
-            first = self.figures.inputs.total()
-            while (
-                self.figures.inputs.total() - first < inputs and time.monotonic() - begin < seconds
-            ):
-                self._step(kinds[self.figures.inputs.total() % len(kinds)])
+            for pipe in pipes:
+                with os.fdopen(pipe, "rb") as file:
+                    self.figures.add(pickle.load(file))
+        finally:
+            shutil.rmtree(self._place, ignore_errors=True)
+            signal.signal(signal.SIGINT, usual)
+        return self.figures
+
+    def _fork(self, job: int, jobs: int, seconds: float, inputs: int) -> int:
+        """Have another process run its part; where its figures are read."""
+        reading, writing = os.pipe()
+        if os.fork():
+            os.close(writing)
+            return reading
+        try:
+            self._place, self.figures = self._place / str(job), Figures()
+            self._place.mkdir()
+            self._run_part(job, jobs, seconds, inputs)
+            with os.fdopen(writing, "wb") as file:
+                pickle.dump(self.figures, file)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(0)
+
+    def _run_part(self, job: int, jobs: int, seconds: float, inputs: int) -> None:
+        begin, drawn = time.monotonic(), Counter[str]()
+        try:
+            for number in range(inputs):
+                if time.monotonic() - begin >= seconds:
+                    break
+                kind = min(self._kinds, key=lambda kind: (drawn[kind] + 1) / KINDS[kind])
+                drawn[kind] += 1
+                if number % jobs == job:
+                    self._step(kind, drawn[kind])
                 self.figures.seconds = time.monotonic() - begin
         except KeyboardInterrupt:
             self.figures.seconds = time.monotonic() - begin
-        finally:
-            shutil.rmtree(self._place, ignore_errors=True)
-        return self.figures
 
     def _good_world(self) -> Path:
-        ended = trial.run(
-            ("build", "recipe.yaml", "-o", "built"), self._place, seconds=90, memory=6e9
-        )
-        assert ended.status == 0, ended.stderr
+        self._must("build", "recipe.yaml", "-o", "built")
         return self._place / "built"
 
-    def _step(self, kind: str) -> None:
+    def _recorded_world(self) -> Path:
+        samples.write_recipe(samples.of_sensors(), self._place, "sensors.yaml")
+        self._must("build", "sensors.yaml", "-o", "recorded")
+        self._must("record", "recorded")
+        self._must("evaluate", "recorded", "--systems", "imu,wheel-odometry")
+        return self._place / "recorded"
+
+    def _must(self, *command: str) -> None:
+        ended = trial.run(command, self._place, seconds=90, memory=6e9)
+        assert ended.status == 0, ended.stderr
+
+    def _step(self, kind: str, number: int) -> None:
         folder = self._place / "case"
         folder.mkdir()
         # Each input has its own chance, whatever came of those before.
-        self._rng.seed(f"{self._seed} {kind} {self.figures.inputs[kind]}")
+        self._rng.seed(f"{self._seed} {kind} {number}")
         self.figures.inputs[kind] += 1
         if kind == "kills":
-            found, command = self._kills.attempt(folder)
+            found, command, ended = self._kills.attempt(folder)
+            self._note(kind, ended)
         else:
             if kind == "recipes":
                 put_traps(folder)
@@ -141,12 +206,13 @@ class Campaign:
         shutil.rmtree(folder)
 
     def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
-        allowed = (0, 1, 2) if kind == "worlds" else (0, 2)
+        built = kind in ("worlds", "recordings")
+        allowed = (0, 1, 2) if built else (0, 2)
         before = {path.name for path in folder.iterdir()}
         ended = trial.run(arguments, folder)
         self._note(kind, ended)
         found = trial.faults(ended, allowed=allowed)
-        if kind == "worlds":
+        if built:
             return found
         left = {path.name for path in folder.iterdir()} - before
         found += [f"left behind: {sorted(left)}"] if left else []
@@ -178,13 +244,12 @@ class Campaign:
         if len(where) >= 3:
             where.append("")
             return
-        number = sum(map(len, self.figures.findings.values()))
-        target = self._keep / f"{number:04}"
-        while target.exists():
-            number += 1
+        for number in count(1):
             target = self._keep / f"{number:04}"
+            with suppress(FileExistsError):
+                target.mkdir(parents=True)
+                break
         where.append(str(target))
-        target.mkdir(parents=True)
         (target / "fault.txt").write_text(f"{fault}\n{command}\n", encoding="utf-8")
         for path in folder.iterdir():
             if path.is_dir() and not path.is_symlink():

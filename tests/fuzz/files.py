@@ -23,6 +23,19 @@ _WORLD = (
     "paths/way.csv",
     "report.html",
 )
+_RECORDING = (
+    *("dataset.json", "plan.json", "formats.json", "written.csv", "slam/evaluation.json"),
+    *("slam/imu_1/imu.tum", "slam/imu_1/errors.csv", "truth/base_link.tum"),
+    *(f"mav0/{name}/data.csv" for name in ("imu0", "odometry0", "lidar0", "cam0")),
+    *("mav0/lidar0/data/1600000000000000000.npy", "mav0/cam0/data/1600000000000000000.png"),
+    *("mav0/state_groundtruth_estimate0/data.csv", "mav0/imu0/sensor.yaml"),
+)
+_READ_RECORDING = (
+    ("record", "world"),
+    ("record", "world", "--formats", "tum,rosbag2"),
+    ("evaluate", "world", "--systems", "imu,wheel-odometry", "--force"),
+    ("validate", "world", "--quick"),
+)
 
 
 class Files:
@@ -39,7 +52,7 @@ class Files:
 
     def write(self, folder: Path) -> tuple[str, ...]:
         """Write a recipe and its inputs; the command that reads them."""
-        recipe, names = self._rng.choice(self._recipes)
+        recipe, names, command = self._rng.choice(self._recipes)
         for path in self._folder.iterdir():
             os.link(path, folder / path.name)
         for name in names if self._rng.random() < 0.2 else [self._rng.choice(names)]:
@@ -47,7 +60,7 @@ class Files:
         samples.write_recipe(recipe, folder)
         if names[0].endswith((".tif", ".img", ".asc", ".LBL")) and self._rng.random() < 0.2:
             return ("check", names[0])
-        return ("check", "recipe.yaml")
+        return command
 
     def _others(self) -> list[str]:
         return sorted(path.name for path in self._folder.iterdir())
@@ -59,10 +72,11 @@ class Worlds:
     Args:
         rng: where chance comes from.
         world: a good one.
+        recorded: whether it holds a recording, which is broken then.
     """
 
-    def __init__(self, rng: random.Random, world: Path) -> None:
-        self._rng, self._world = rng, world
+    def __init__(self, rng: random.Random, world: Path, *, recorded: bool = False) -> None:
+        self._rng, self._world, self._recorded = rng, world, recorded
 
     def write(self, folder: Path) -> tuple[str, ...]:
         """Write a world; the command that reads it."""
@@ -70,7 +84,8 @@ class Worlds:
         shutil.copytree(self._world, world)
         files = sorted(path for path in world.rglob("*") if path.is_file())
         names = [str(path.relative_to(world)) for path in files]
-        name = rng.choice(_WORLD if rng.random() < 0.8 else names)
+        known = [f"dataset/{name}" for name in _RECORDING] if self._recorded else _WORLD
+        name = rng.choice(known if rng.random() < 0.8 else names)
         path = world / name
         if name.endswith(".npz") and rng.random() < 0.6:
             path.write_bytes(_spoilt_archive(rng, path.read_bytes()))
@@ -79,6 +94,8 @@ class Worlds:
             path.write_text(json.dumps(data), encoding="utf-8")
         else:
             spoil(rng, path, [world / other for other in names])
+        if self._recorded:
+            return rng.choice(_READ_RECORDING)
         match rng.randrange(4):
             case 0:
                 return ("export", "world", "--only", "geotiff")
