@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +30,13 @@ def test_a_closed_stream_changes_no_status(closed):
     assert (done.returncode, done.stderr) == (0, "")
     wrong = COMMAND.replace("sites", "init --recipe none")
     assert subprocess.run(f"{wrong} {closed}", shell=True, check=False).returncode == 2
+
+
+def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: signal.raise_signal(signal.SIGINT))
+    done = run("sites")
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "interrupted, nothing was left behind\n"
 
 
 def test_a_locale_without_a_letter_is_told_in_one_line(tmp_path):
