@@ -44,6 +44,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import resolved as resolved
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces
 from .progress import Progress as Progress

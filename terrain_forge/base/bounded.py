@@ -53,7 +53,7 @@ def _meant(path: Path) -> str:
     """The file beside it that is meant, as a question; empty where none is like it."""
     try:
         beside = islice(path.parent.iterdir(), _BESIDE)
-        return hint_at(path.name, sorted(file.name for file in beside))
+        return hint_at(path.name, sorted({file.name for file in beside} - {path.name}))
     except OSError:
         return ""
 

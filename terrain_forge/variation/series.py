@@ -23,6 +23,7 @@ from terrain_forge.base import (
     Stopwatch,
     TerrainForgeError,
     compile_ahead,
+    resolved,
     run_tasks,
     silent,
 )
@@ -112,7 +113,7 @@ def worlds(
     if isinstance(given, RecipeFile):
         folder, given = given.folder, given.recipe
     recipe = recipe_from_json(recipe_json(given))
-    folder, out = Path(folder).resolve(), Path(out).resolve()
+    folder, out = resolved(folder), resolved(out)
     count = (recipe.worlds or WorldsSpec()).count if count is None else count
     if not 1 <= count <= MOST_WORLDS:
         text = f"{count} worlds: 1 to {MOST_WORLDS:,}"

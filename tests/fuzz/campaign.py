@@ -18,12 +18,13 @@ from itertools import count
 from pathlib import Path
 
 from tests.fuzz import samples, trial
+from tests.fuzz.arguments import Arguments
 from tests.fuzz.files import Files, Worlds
 from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
 
 CORPUS = Path(__file__).parent / "corpus"
-KINDS = {"recipes": 20, "files": 19, "worlds": 8, "recordings": 2, "kills": 1}
+KINDS = {"recipes": 20, "files": 18, "worlds": 6, "recordings": 2, "arguments": 3, "kills": 1}
 """Kinds of inputs, and how many of each there are among fifty: a kill takes as long as a hundred
 recipes."""
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
@@ -93,7 +94,7 @@ class Campaign:
         (self._place / "good").mkdir()
         good = {**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}
         trial.warm_up(samples.write_recipe(good, self._place))
-        self._writers: dict[str, Recipes | Files | Worlds] = {
+        self._writers: dict[str, Recipes | Files | Worlds | Arguments] = {
             "recipes": Recipes(self._rng),
             "files": Files(self._rng, self._place / "good"),
         }
@@ -101,9 +102,10 @@ class Campaign:
             world = self._good_world()
             self._writers["worlds"] = Worlds(self._rng, world)
             self._kills = Kills(self._rng, world, timed=timed)
-        if "recordings" in kinds:
+        if {"recordings", "arguments"} & {*kinds}:
             recorded = self._recorded_world()
             self._writers["recordings"] = Worlds(self._rng, recorded, recorded=True)
+            self._writers["arguments"] = Arguments(self._rng, recorded)
         trial.load_kernels()
 
     def regressions(self) -> None:
@@ -206,7 +208,7 @@ class Campaign:
         shutil.rmtree(folder)
 
     def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
-        built = kind in ("worlds", "recordings")
+        built = kind in ("worlds", "recordings", "arguments")
         allowed = (0, 1, 2) if built else (0, 2)
         before = {path.name for path in folder.iterdir()}
         ended = trial.run(arguments, folder)

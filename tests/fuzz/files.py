@@ -119,7 +119,7 @@ def spoil(rng: random.Random, path: Path, others: list[Path]) -> None:
             return
         case 4:
             with path.open("wb") as file:
-                file.truncate(6 * 2**30)
+                file.truncate(2**32)  # more than memory allowed, and hashed in time
         case 5:
             path.write_bytes(rng.choice([one for one in others if one != path]).read_bytes())
         case 6:

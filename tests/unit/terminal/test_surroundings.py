@@ -39,6 +39,25 @@ def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
     assert done.stderr == "interrupted, nothing was left behind\n"
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        *("validate loop", "export loop --only sdf", "record loop", "build hello.yaml -o loop/in"),
+        *("cut loop --centre 0,0 --size 1,1", "illumination hello.yaml -o loop"),
+        *("worlds hello.yaml -o loop", "build hello.yaml -o loop"),
+    ],
+)
+def test_links_that_lead_in_a_circle_are_told(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_starter(tmp_path)
+    Path("loop").symlink_to("loop")
+    done = run(*command.split())
+    assert done.returncode == 2
+    assert done.complaints[-1].endswith("its symbolic links lead in a circle")
+    assert Path("loop").is_symlink()
+    assert run("check", "loop").stderr == "terrain-forge: no such file: loop\n"
+
+
 def test_a_locale_without_a_letter_is_told_in_one_line(tmp_path):
     plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
     command = [sys.executable, "-m", "terrain_forge", "init", os.fsencode(tmp_path / "Mös")]
