@@ -4,7 +4,9 @@ from . import portable as portable
 from .arrays import Array as Array
 from .arrays import Key as Key
 from .arrays import Mask as Mask
+from .bounded import MAX_STATE as MAX_STATE
 from .bounded import read_arrays as read_arrays
+from .bounded import read_json as read_json
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
 from .bounded import size_text as size_text

@@ -70,6 +70,11 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         why = f"the locale's encoding, {sys.getfilesystemencoding()}, has no {error.object!r}"
         say(f"terrain-forge: {ascii(why)[1:-1]}: set PYTHONUTF8=1 or a UTF-8 locale", err=True)
         return INTERNAL
+    except MemoryError as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        say(f"terrain-forge: the system gives no more memory: {error or 'none is left'}", err=True)
+        return INTERNAL
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:
             traceback.print_exc()

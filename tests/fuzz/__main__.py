@@ -36,4 +36,5 @@ def main() -> int:
     return 1 if figures.findings else 0
 
 
-sys.exit(main())
+if __name__ == "__main__":  # and not in a process that a command spawns
+    sys.exit(main())

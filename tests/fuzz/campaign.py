@@ -19,12 +19,20 @@ from pathlib import Path
 
 from tests.fuzz import samples, trial
 from tests.fuzz.arguments import Arguments
-from tests.fuzz.files import Files, Worlds
+from tests.fuzz.files import (
+    Files,
+    Folder,
+    Worlds,
+    folder_of_recording,
+    folder_of_series,
+    folder_of_site,
+    folder_of_world,
+)
 from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
 
 CORPUS = Path(__file__).parent / "corpus"
-KINDS = {"recipes": 20, "files": 18, "worlds": 6, "recordings": 2, "arguments": 3, "kills": 1}
+KINDS = {"recipes": 20, "files": 18, "worlds": 8, "arguments": 3, "kills": 1}
 """Kinds of inputs, and how many of each there are among fifty: a kill takes as long as a hundred
 recipes."""
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
@@ -98,14 +106,11 @@ class Campaign:
             "recipes": Recipes(self._rng),
             "files": Files(self._rng, self._place / "good"),
         }
-        if {"worlds", "kills"} & {*kinds}:
-            world = self._good_world()
-            self._writers["worlds"] = Worlds(self._rng, world)
-            self._kills = Kills(self._rng, world, timed=timed)
-        if {"recordings", "arguments"} & {*kinds}:
-            recorded = self._recorded_world()
-            self._writers["recordings"] = Worlds(self._rng, recorded, recorded=True)
-            self._writers["arguments"] = Arguments(self._rng, recorded)
+        if {"worlds", "kills", "arguments"} & {*kinds}:
+            folders = self._good_folders()
+            self._writers["worlds"] = Worlds(self._rng, folders)
+            self._writers["arguments"] = Arguments(self._rng, self._place / "recorded")
+            self._kills = Kills(self._rng, self._place / "built", timed=timed)
         trial.load_kernels()
 
     def regressions(self) -> None:
@@ -173,16 +178,25 @@ class Campaign:
         except KeyboardInterrupt:
             self.figures.seconds = time.monotonic() - begin
 
-    def _good_world(self) -> Path:
+    def _good_folders(self) -> list[Folder]:
+        for name, recipe in (
+            ("sensors", samples.of_sensors()),
+            ("site", samples.of_tiles()),
+            ("series", samples.of_worlds()),
+        ):
+            samples.write_recipe(recipe, self._place, f"{name}.yaml")
         self._must("build", "recipe.yaml", "-o", "built")
-        return self._place / "built"
-
-    def _recorded_world(self) -> Path:
-        samples.write_recipe(samples.of_sensors(), self._place, "sensors.yaml")
         self._must("build", "sensors.yaml", "-o", "recorded")
         self._must("record", "recorded")
         self._must("evaluate", "recorded", "--systems", "imu,wheel-odometry")
-        return self._place / "recorded"
+        self._must("build", "site.yaml", "-o", "site", "--workers", "0")
+        self._must("worlds", "series.yaml", "-o", "series", "--workers", "0")
+        return [
+            *[folder_of_world(self._place / "built")] * 2,
+            folder_of_recording(self._place / "recorded"),
+            folder_of_site(self._place / "site"),
+            folder_of_series(self._place / "series"),
+        ]
 
     def _must(self, *command: str) -> None:
         ended = trial.run(command, self._place, seconds=90, memory=6e9)
@@ -208,7 +222,7 @@ class Campaign:
         shutil.rmtree(folder)
 
     def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
-        built = kind in ("worlds", "recordings", "arguments")
+        built = kind in ("worlds", "arguments")
         allowed = (0, 1, 2) if built else (0, 2)
         before = {path.name for path in folder.iterdir()}
         ended = trial.run(arguments, folder)

@@ -67,6 +67,23 @@ def of_sensors() -> Plain:
             "dataset": {"profile": "quick"}}  # fmt: skip
 
 
+def of_tiles() -> Plain:
+    """A recipe of a site in tiles."""
+    return {**of_rocks(STONES), "dtm": {"kind": "flat", "size_m": [16, 16]}, "paths": [WAY],
+            "tiles": {"size_m": 8}}  # fmt: skip
+
+
+def of_worlds() -> Plain:
+    """A recipe of two worlds."""
+    vary = {
+        "rocks.populations.0.size_frequency.k": {"difficulty": [0.01, 0.2]},
+        "sun.elevation_deg": {"uniform": [5, 60]},
+        "rover": {"choice": ["skid4", "morpheus"]},
+    }
+    return {**of_rocks(STONES), "worlds": {"count": 2, "vary": vary, "difficulty": {}},
+            "sun": {"azimuth_deg": 10, "elevation_deg": 30}, "rover": "skid4"}  # fmt: skip
+
+
 def schema_recipes() -> list[Plain]:
     """Recipes that need no file and together use most of what a recipe can say."""
     band = {"slope": {"below_deg": 20}, "height": {"above_m": -1, "fade_m": 0.2}}
@@ -77,11 +94,6 @@ def schema_recipes() -> list[Plain]:
         *({"kind": kind, "cover": 0.3} for kind in ("dust", "lag", "bedrock")),
     ]
     placed = {"kind": "flat", "size_m": [5, 4], "lonlat_deg": [10, 20]}
-    vary = {
-        "rocks.populations.0.size_frequency.k": {"difficulty": [0.01, 0.2]},
-        "sun.elevation_deg": {"uniform": [5, 60]},
-        "rover": {"choice": ["skid4", "morpheus"]},
-    }
     return [
         of_rocks(STONES, exclusion_zones=[{"centre_m": [0, 0], "radius_m": 0.4}]),
         of_rocks({**STONES, "size_frequency": {"kind": "power_law", "number_per_m2": 0.02,
@@ -122,10 +134,9 @@ def schema_recipes() -> list[Plain]:
         tiny(dtm=placed, body="mars", sun={"time": "2030-09-01", "ltst": "09:00"},
              sky={"tau": 0.6}, horizon={}, rover="skid4", exports={"usd": {}, "glb": {}}),
         tiny(body="mars", terrain={"spacing_m": 0.125, "materials": soils}),
-        tiny(dtm={"kind": "flat", "size_m": [16, 16]}, tiles={"size_m": 8}),
+        of_tiles(),
         tiny(rover="skid4", paths=[WAY], validate={"drive": {"path": "way"}, "drives": 2}),
-        {**of_rocks(STONES), "worlds": {"count": 3, "vary": vary, "difficulty": {}},
-         "sun": {"azimuth_deg": 10, "elevation_deg": 30}, "rover": "skid4"},
+        of_worlds(),
         of_sensors(),
         tiny(rover="morpheus", paths=[WAY], dataset={"motion": "drive", "formats": ["tum"]},
              sensors={"add": [

@@ -39,6 +39,18 @@ def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
     assert done.stderr == "interrupted, nothing was left behind\n"
 
 
+def test_no_more_memory_is_the_systems_fault(monkeypatch):
+    def refuse(*_):
+        raise MemoryError("Unable to allocate 7 GiB")
+
+    monkeypatch.setattr("terrain_forge.dtm.place_lines", refuse)
+    done = run("sites")
+    assert done.returncode == 3
+    assert (
+        done.stderr == "terrain-forge: the system gives no more memory: Unable to allocate 7 GiB\n"
+    )
+
+
 @pytest.mark.parametrize(
     "command",
     [
