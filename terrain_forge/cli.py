@@ -158,6 +158,7 @@ def build(
     The folder appears whole or not at all; an older world of ours in its place is replaced.
     """
     from terrain_forge import pipeline
+    from terrain_forge.base import resolved
     from terrain_forge.building import require_apart
     from terrain_forge.terminal import finish, load_given, located, tell_build
 
@@ -165,7 +166,7 @@ def build(
         changes = (*changes, f"validate.drives={drives}")
     file = load_given(recipe, seed=seed, changes=changes)
     out = out or Path(file.recipe.name)
-    require_apart(out.resolve(), [file.path])
+    require_apart(resolved(out), [file.path])
     with located(file), Display(pipeline.STAGES) as display:
         result = pipeline.build(
             file.recipe,

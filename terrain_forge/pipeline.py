@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge import building, making, recording, report, tiling, validation, variation
-from terrain_forge.base import OutputError, Progress, Stopwatch, compile_ahead, require_scheduler
+from terrain_forge.base import (
+    OutputError,
+    Progress,
+    Stopwatch,
+    compile_ahead,
+    require_scheduler,
+    resolved,
+)
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
     DatasetSpec,
@@ -111,7 +118,7 @@ def build(
             or another process writes it.
         StorageError: the disk does not take the world; an older one stays.
     """
-    out = Path(out or recipe.name).resolve()
+    out = resolved(out or recipe.name)
     with watched(progress, STAGES) as watch:
         watch("plan")
         inputs = input_paths(recipe, Path(folder))
@@ -171,7 +178,7 @@ def write_world(
             hold; nothing is written.
         OutputError, StorageError: as `build`.
     """
-    out, recipe = Path(out).resolve(), world.site.recipe
+    out, recipe = resolved(out), world.site.recipe
     building.require_folder(out)
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
     removed = building.require_ours(out, force=force)
@@ -218,7 +225,7 @@ def cut(
         OutputError: if there is no such site, or the part is not in it.
         RecipeError, ExportError, StorageError: as `write_world`.
     """
-    out, place = Path(out).resolve(), Path(site).resolve()
+    out, place = resolved(out), resolved(site)
     if out.is_relative_to(place):
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
     with watched(progress, STAGES) as watch:
@@ -252,7 +259,7 @@ def export(
         StorageError: if the disk does not take the files.
     """
     only = (only,) if isinstance(only, str) else tuple(only)
-    out = Path(out).resolve()
+    out = resolved(out)
     building.finish(out)
     older = {check.name for check in validation.failed_checks(out)}
     with watched(progress, export_stages(only)) as watch:
@@ -312,7 +319,7 @@ def validate(
             or another process writes it.
         StorageError: if the disk does not take the files.
     """
-    out = Path(out).resolve()
+    out = resolved(out)
     if tiling.is_site(out):
         with watched(progress, VALIDATE_STAGES) as watch:
             return tiling.validate_site(out, watch=watch)
@@ -382,7 +389,7 @@ def record(
     with watched(progress, record_stages()) as watch:
         place = None
         if not isinstance(world, World):
-            place = Path(world).resolve()
+            place = resolved(world)
             out = out or place
             building.finish(place)
             building.read_manifest(place)
@@ -393,7 +400,7 @@ def record(
         spec = replace(world.site.recipe.dataset or DatasetSpec(), **changes)
         from terrain_forge.report import renew_report_page
 
-        out = Path(out).resolve()
+        out = resolved(out)
         recorded = recording.record_dataset(world, out, spec, order, watch)
         if out == place:
             watch("report page")

@@ -4,7 +4,9 @@ from . import portable as portable
 from .arrays import Array as Array
 from .arrays import Key as Key
 from .arrays import Mask as Mask
+from .bounded import MAX_STATE as MAX_STATE
 from .bounded import read_arrays as read_arrays
+from .bounded import read_json as read_json
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
 from .bounded import size_text as size_text
@@ -44,6 +46,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import resolved as resolved
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces
 from .progress import Progress as Progress

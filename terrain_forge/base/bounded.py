@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from itertools import islice
 from pathlib import Path
@@ -16,6 +17,8 @@ from terrain_forge.base.errors import DataError, hint_at, reading
 
 _BESIDE = 10_000
 """Files of a folder among which the one that is meant is looked for."""
+MAX_STATE = 2**28
+"""Bytes of a file in which we keep what was done so far."""
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
@@ -53,7 +56,7 @@ def _meant(path: Path) -> str:
     """The file beside it that is meant, as a question; empty where none is like it."""
     try:
         beside = islice(path.parent.iterdir(), _BESIDE)
-        return hint_at(path.name, sorted(file.name for file in beside))
+        return hint_at(path.name, sorted({file.name for file in beside} - {path.name}))
     except OSError:
         return ""
 
@@ -84,6 +87,22 @@ def read_text(
     if (found := sum(map(text.count, _LINE_ENDS))) > lines:
         raise DataError(f"{name} has {found:,} lines, at most {lines:,}", key=key)
     return text
+
+
+def read_json(path: Path, name: str, *, most: int = MAX_STATE) -> Any:
+    """What a file in JSON says, as plain values.
+
+    Args:
+        path: The file.
+        name: What it is called in errors.
+        most: Bytes that it may have.
+
+    Raises:
+        DataError: if there is no such file or it is no JSON.
+    """
+    text = read_text(path, name, most=most)
+    with reading(name):
+        return json.loads(text)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:

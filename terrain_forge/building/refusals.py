@@ -8,7 +8,7 @@ import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from terrain_forge.base import OutputError, StorageError
+from terrain_forge.base import OutputError, StorageError, resolved
 from terrain_forge.building.manifest import (
     ASSESSED,
     NAME,
@@ -61,7 +61,7 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
         if (size := len(os.fsencode(name))) > most:
             raise OutputError(f"output folder {name[:20]}…: {size} bytes long, at most {most}")
     for path in inputs:
-        if path.resolve().is_relative_to(out):
+        if resolved(path).is_relative_to(out):
             raise OutputError(f"{out} would be replaced, and the input {path} lies in it")
 
 

@@ -49,9 +49,10 @@ def cut(
     Its ground and rocks are those of the tiles, bit for bit. The site need not be finished.
     """
     from terrain_forge import pipeline
+    from terrain_forge.base import resolved
     from terrain_forge.terminal import finish, tell_build
 
-    into = into or Path(f"{out.resolve().name}-{centre[0]:g}-{centre[1]:g}")
+    into = into or Path(f"{resolved(out).name}-{centre[0]:g}-{centre[1]:g}")
     with Display(_STAGES) as display:
         result = pipeline.cut(
             out, into, centre=centre, size=size, only=names_of(only), force=force,

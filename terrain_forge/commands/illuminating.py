@@ -63,6 +63,7 @@ def illumination(
     around, the part of the Sun that is seen at each moment; a table, pictures, and a film of the
     shadows. It looks at the DTM, of a recipe at all of it, not at rocks or drawn detail.
     """
+    from terrain_forge.base import resolved
     from terrain_forge.building import require_apart
     from terrain_forge.dtm import RasterDtm
     from terrain_forge.illumination import Source, Wish, illuminate
@@ -76,13 +77,13 @@ def illumination(
     if recipe.is_dir():
         site = World.load(recipe).site
         target = out or Path(f"{site.name}_illumination")
-        require_apart(target.resolve(), [recipe])
+        require_apart(resolved(target), [recipe])
         with Display(("land", "rays", "files")) as display:
             lines = illuminate(site, None, target, wish, progress=display, **how)
     else:
         file = load_given(recipe, changes=changes)
         target = out or Path(f"{file.recipe.name}_illumination")
-        require_apart(target.resolve(), [file.path, *input_paths(file.recipe, file.folder)])
+        require_apart(resolved(target), [file.path, *input_paths(file.recipe, file.folder)])
         with located(file), Display(("plan", "land", "rays", "files")) as display:
             display("plan")
             site = plan(file.recipe, folder=file.folder, by_night=True, progress=display)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, portable, read_text, reading, require_file
+from terrain_forge.base import Array, DataError, portable, read_text, reading
 from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
 from terrain_forge.datasets.streams import (
     RecordedCamera,
@@ -19,6 +19,7 @@ from terrain_forge.datasets.streams import (
     RecordedSensor,
     RecordedSeries,
     ascending,
+    lines_of,
 )
 
 VERSION = 1
@@ -201,9 +202,9 @@ class Recording:
 
     def _truth_file(self, name: str) -> Poses:
         path, where = self.folder / "truth" / f"{name}.tum", f"truth/{name}.tum"
-        require_file(path, where, most=2**34)
-        with reading(where), path.open(encoding="utf-8") as file:
-            rows = np.loadtxt((line.replace(".", " ", 1) for line in file), _TUM, ndmin=1)
+        with reading(where):
+            lines = (line.replace(".", " ", 1) for line in lines_of(path, where))
+            rows = np.loadtxt(lines, _TUM, ndmin=1)
             values = rows["values"]
             if not np.isfinite(values).all():
                 raise DataError(f"{where}: a value is no number")

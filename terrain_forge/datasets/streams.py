@@ -23,6 +23,7 @@ _BLOCK = 8192
 _LARGEST = 2**31
 """Bytes that a sweep may have."""
 _LARGEST_TABLE = 2**34
+_LONGEST_LINE = 10_000
 POINT_FIELDS = ("x", "y", "z", "intensity", "ring", "time", "instance")
 
 
@@ -106,10 +107,9 @@ class RecordedSensor:
         """Stamps, and the names of the files where the table has them."""
         path = self.table_file
         where = f"{self.key}/data.csv"
-        require_file(path, where, most=_LARGEST_TABLE)
         stamps, names = [], []
-        with reading(where), path.open(encoding="utf-8") as file:
-            for number, line in enumerate(file, 1):
+        with reading(where):
+            for number, line in enumerate(lines_of(path, where), 1):
                 if line.startswith("#") or not line.strip():
                     continue
                 stamp, _, name = line.strip().partition(",")
@@ -137,6 +137,20 @@ class RecordedSensor:
         if channel != "data":
             stem = f"{Path(stem).stem}{self.channels[channel].get('suffix', '.png')}"
         return self.folder / channel / stem
+
+
+def lines_of(path: Path, where: str) -> Iterator[str]:
+    """The lines of a table, one by one, so that none fills the memory.
+
+    Raises:
+        DataError: if there is no such file, or one of its lines is too long for one.
+    """
+    require_file(path, where, most=_LARGEST_TABLE)
+    with path.open(encoding="utf-8") as file:
+        while line := file.readline(_LONGEST_LINE):
+            if len(line) == _LONGEST_LINE:
+                raise DataError(f"{where}: a line has more than {_LONGEST_LINE:,} characters")
+            yield line
 
 
 def stored_array(path: Path, where: str) -> NDArray[Any]:
@@ -287,9 +301,8 @@ class RecordedSeries(RecordedSensor):
     def columns(self) -> tuple[str, ...]:
         """The headings behind the stamp, without their units."""
         where = f"{self.key}/data.csv"
-        require_file(self.table_file, where, most=_LARGEST_TABLE)
-        with reading(where), self.table_file.open(encoding="utf-8") as file:
-            head = file.readline(10_000)
+        with reading(where):
+            head = next(lines_of(self.table_file, where), "")
         if not head.startswith("#timestamp"):
             raise DataError(f"{where}:1: no heading that begins with #timestamp")
         return tuple(name.partition("[")[0].strip() for name in head[1:].strip().split(",")[1:])
@@ -298,16 +311,18 @@ class RecordedSeries(RecordedSensor):
         """Stamps and the other columns, some rows at a time, so that a long table can be read."""
         kinds = np.dtype([("stamp", "i8"), ("values", "f8", (len(self.columns),))])
         where, last = f"{self.key}/data.csv", np.zeros(0, np.int64)
-        with self.table_file.open(encoding="utf-8") as file:
-            file.readline()
-            while lines := list(islice(file, _BLOCK)):
-                with reading(where):
-                    rows = np.loadtxt(lines, kinds, delimiter=",", ndmin=1, comments=None)
-                    if not np.isfinite(rows["values"]).all():
-                        raise DataError(f"{where}: a value is no number")
-                ascending(np.concatenate([last, rows["stamp"]]), where)
-                last = rows["stamp"][-1:]
-                yield rows["stamp"], rows["values"]
+        lines = islice(lines_of(self.table_file, where), 1, None)
+        while True:
+            with reading(where):
+                some = list(islice(lines, _BLOCK))
+                if not some:
+                    return
+                rows = np.loadtxt(some, kinds, delimiter=",", ndmin=1, comments=None)
+                if not np.isfinite(rows["values"]).all():
+                    raise DataError(f"{where}: a value is no number")
+            ascending(np.concatenate([last, rows["stamp"]]), where)
+            last = rows["stamp"][-1:]
+            yield rows["stamp"], rows["values"]
 
     @cached_property
     def table(self) -> tuple[Stamps, Array]:

@@ -22,6 +22,7 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
+    resolved,
     returning,
     silent,
 )
@@ -128,7 +129,7 @@ def write_dataset(
     if not isinstance(recording, Recording):
         recording = open_recording(recording)
     writer.check(recording, chosen)
-    target = Path(folder).resolve()
+    target = resolved(folder)
     around = target.with_name(f".{target.name}.part")
     fresh = around / target.name
     with _storing(target):

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, Record, portable, shaped
+from terrain_forge.base import MAX_STATE, Array, DataError, Record, portable, read_text, shaped
 from terrain_forge.evaluation.poses import TimedPoses, read_rows
 from terrain_forge.evaluation.score import ScoreOptions
 
@@ -56,7 +56,7 @@ def read_loops(path: Path | str) -> Loops:
         DataError: naming file and line.
     """
     path = Path(path)
-    if not path.read_text(encoding="utf-8", errors="replace").strip():
+    if not read_text(path, str(path), most=MAX_STATE).strip():
         return made_loops(np.zeros((0, 5)))
     values, places = read_rows(path, 2, longer=True, least=0, most=5)
     for row, place in zip(values, places, strict=True):

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, read_json
 from terrain_forge.evaluation.map_files import MapPoints, read_map
 from terrain_forge.evaluation.map_score import CELL, Area, MapScore, score_map, site_grid
 from terrain_forge.evaluation.tables import MAPS, write_table_as
@@ -60,7 +59,7 @@ def _motion(system: str, evaluated: Path | None) -> Array:
     path = evaluated / "evaluation.json" if evaluated else Path()
     if path.is_file():
         try:
-            runs = json.loads(path.read_text(encoding="utf-8"))
+            runs = read_json(path, str(path))
             for one in runs:
                 if one["system"] == system and one["score"]:
                     return np.array(one["score"]["alignment"], np.float64).reshape(4, 4)

@@ -11,7 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, OutputError, Progress, RecipeError, Stopwatch, silent
+from terrain_forge.base import (
+    Array,
+    OutputError,
+    Progress,
+    RecipeError,
+    Stopwatch,
+    resolved,
+    silent,
+)
 from terrain_forge.building import pace, replacing, require_ours, told_files, write_manifest
 from terrain_forge.illumination.files import write_film, write_hours, write_maps, write_table
 from terrain_forge.illumination.land import Land, Source, find_land
@@ -105,7 +113,7 @@ def illuminate(
             that holds anything else.
         StorageError: if the disk does not take it.
     """
-    watch, out = Stopwatch(progress), Path(out).resolve()
+    watch, out = Stopwatch(progress), resolved(out)
     removed = require_ours(out, force=force, holds=HOLDS)
     place = place_of(site, key=("sun", "time"))
     begin = _begin(site, wish, place)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path, PurePosixPath
 
-from terrain_forge.base import OutputError
+from terrain_forge.base import MAX_STATE, DataError, OutputError, require_file
 
 WRITTEN = "written.csv"
 """The list: size and name of each file, before it takes its place; the last of a name counts."""
 _HEADER = "#size [bytes],file"
+_SIZE = re.compile("[0-9]{1,18}")
 _CLAIMED, _ADOPTED = 0, 1
 """What stands in place of a size where a folder is about to be made, and when it was."""
 _FRESH = ".writing"
@@ -146,13 +148,18 @@ class Store:
 def _listed(path: Path) -> dict[str, int]:
     """Sizes of files by their names; a line that was cut short is none."""
     try:
+        if not path.is_symlink() and not path.exists():
+            return {}
+        require_file(path, WRITTEN, most=MAX_STATE)
         first, *lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
-    except FileNotFoundError:
-        return {}
+    except DataError:
+        first, lines = "", []
     if first != _HEADER:
         raise OutputError(f"{path} is in the way: move it away")
     found = (line.partition(",") for line in lines)
-    return {name: int(size) for size, _, name in found if size.isdecimal() and _is_inside(name)}
+    return {
+        name: int(size) for size, _, name in found if _SIZE.fullmatch(size) and _is_inside(name)
+    }
 
 
 def _opened(path: Path) -> TextIOWrapper:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from terrain_forge.base import resolved
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -43,7 +44,7 @@ def evaluate(
     Raises:
         DataError: if there is no recording, or it is broken.
     """
-    out = Path(out).resolve()
+    out = resolved(out)
 
     def told(name: str) -> None:
         if progress:
@@ -76,7 +77,7 @@ def evaluate_maps(
         DataError: for a map that cannot be read, or an area outside.
         OutputError: if the folder holds no world.
     """
-    out = Path(out).resolve()
+    out = resolved(out)
     world, folder = World.load(out), dataset_folder(out)
     scores = score_maps(world, maps, evaluated=folder / RESULTS, area=area, cell=cell)
     if folder.is_dir():

@@ -17,7 +17,7 @@ from terrain_forge.datasets import Recording, open_recording
 from terrain_forge.model import Export, World
 from terrain_forge.recording import dataset_folder
 from terrain_forge.report.blocks import ANIMATED, Block
-from terrain_forge.validation import read_json
+from terrain_forge.validation import content_of
 
 MAP_PIXELS = 1024
 """Pixels along the longer side of the picture from above."""
@@ -59,7 +59,7 @@ class Built:
 
     def json(self, path: str) -> Content:
         """The content of a JSON file of the folder, empty where it was not written."""
-        return read_json(self.directory / path)
+        return content_of(self.directory / path)
 
     @cached_property
     def validation(self) -> Content:

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import (
+    DataError,
     OutputError,
     Progress,
     StorageError,
     TerrainForgeError,
     ask_for_interrupt,
+    read_json,
     silent,
     size_text,
 )
@@ -81,9 +83,9 @@ def folder_of(cell: Cell, out: Path) -> Path:
 def result_of(cell: Cell, out: Path) -> dict[str, Any] | None:
     """The result of a cell; None where there is none that can be read."""
     try:
-        told = json.loads((folder_of(cell, out) / RESULT).read_text(encoding="utf-8"))
+        told = read_json(folder_of(cell, out) / RESULT, RESULT)
         return told if told["digest"] == cell.digest and "results" in told else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (DataError, KeyError, TypeError):
         return None
 
 
@@ -138,8 +140,8 @@ def require_folder(study: Study, out: Path) -> None:
     if not out.exists() or (out.is_dir() and all(p.name.startswith(".") for p in out.iterdir())):
         return
     try:
-        name = json.loads((out / INDEX).read_text(encoding="utf-8"))["study"]
-    except (OSError, ValueError, KeyError, TypeError):
+        name = read_json(out / INDEX, INDEX)["study"]
+    except (DataError, KeyError, TypeError):
         raise OutputError(f"{out} is there, and holds no study: name another by -o") from None
     if name != study.file.name:
         raise OutputError(f"{out} holds the study {name!r}, not {study.file.name!r}")

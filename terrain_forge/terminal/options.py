@@ -31,6 +31,9 @@ class Number(click.FloatRange):
             self.fail(f"{value!r} is no finite number", param, ctx)
         return number
 
+    def _describe_range(self) -> str:  # click's help would say "x<=None"
+        return "" if self.min is self.max is None else super()._describe_range()
+
 
 class Numbers(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     """As many finite numbers with commas between them as the example has."""

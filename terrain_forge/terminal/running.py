@@ -46,11 +46,11 @@ _M_ARENA_MAX = -8
 
 def run_command(command: click.Command, arguments: list[str]) -> int:
     """Run a command line; returns its exit status."""
-    # A build makes many objects and few cycles, the kernels' compiler above all.
-    gc.set_threshold(100_000, 50, 50)
-    _share_one_heap()
     try:
         with listen_for_interrupts():
+            # A build makes many objects and few cycles, the kernels' compiler above all.
+            gc.set_threshold(100_000, 50, 50)
+            _share_one_heap()
             status = command.main(arguments, prog_name="terrain-forge", standalone_mode=False)
             return int(status or 0)
     except NoArgsIsHelpError as error:
@@ -69,6 +69,11 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
             traceback.print_exc()
         why = f"the locale's encoding, {sys.getfilesystemencoding()}, has no {error.object!r}"
         say(f"terrain-forge: {ascii(why)[1:-1]}: set PYTHONUTF8=1 or a UTF-8 locale", err=True)
+        return INTERNAL
+    except MemoryError as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        say(f"terrain-forge: the system gives no more memory: {error or 'none is left'}", err=True)
         return INTERNAL
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, Stopwatch, run_tasks
+from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, run_tasks
 from terrain_forge.building import holding, storing
 from terrain_forge.model import Check, at_most
 from terrain_forge.recipe import sha256
@@ -69,9 +69,9 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
 def judge_again(order: TileOrder, manifest: dict[str, Any]) -> None:
     """Judge what an earlier validation found damaged anew, after a build has made it again."""
     try:
-        before = json.loads((order.out / REPORT).read_text("utf-8"))["damaged"]
+        before = read_json(order.out / REPORT, REPORT)["damaged"]
         places = {"/".join(name.partition(":")[0].split("/")[:3]) for name in before}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (DataError, KeyError, TypeError, AttributeError):
         return  # there was none
     if places:
         tiles = [n for n in range(len(order.grid)) if order.grid.folder(n) in places]

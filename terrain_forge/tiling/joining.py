@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
-from terrain_forge.base import OutputError, Stopwatch, read_text, software
+from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import world_of
@@ -45,10 +45,10 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     """
     path = order.folder(number) / TILE
     try:
-        told: dict[str, Any] = json.loads(read_text(path, TILE, most=_MOST))
+        told: dict[str, Any] = read_json(path, TILE, most=_MOST)
         if told["format"] == 1 and (told["row"], told["column"]) == order.grid.place(number):
             return told
-    except (ValueError, KeyError, TypeError):
+    except (DataError, KeyError, TypeError):
         pass
     raise OutputError(
         f"{path} is damaged: move {path.parent} away, and build again, which makes it anew"
@@ -162,9 +162,9 @@ def read_site(out: Path) -> dict[str, Any]:
     if not path.is_file():
         raise OutputError(f"{out} is not finished: the same build goes on with it")
     try:
-        manifest: dict[str, Any] = json.loads(read_text(path, MANIFEST, most=2**30))
-    except ValueError:
-        raise OutputError(f"{path} is damaged: not JSON") from None
-    if manifest.get("format") != FORMAT:
+        manifest: dict[str, Any] = read_json(path, MANIFEST, most=2**30)
+    except DataError as error:
+        raise OutputError(f"{path} is damaged: {error}") from None
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise OutputError(f"{path} is not one of this version of terrain-forge: move it away")
     return manifest

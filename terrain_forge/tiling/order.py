@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import (
+    DataError,
     OutputError,
     RecipeError,
     from_plain,
     read_arrays,
-    read_text,
+    read_json,
+    reading,
     software,
     to_plain,
 )
@@ -210,19 +212,24 @@ def _require_same(out: Path, texts: dict[str, bytes]) -> None:
                 f"{out} {what.format(**told)}; nothing was changed: choose another folder with -o"
             )
     for name in ("site.json", "arrays.npz"):
-        if (folder / name).read_bytes() != texts[name]:
+        if not _holds(folder / name, texts[name]):
             raise OutputError(
                 f"{out} holds tiles of another recipe{_difference(folder, texts)}; nothing was "
                 "changed: choose another folder with -o"
             )
 
 
+def _holds(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+
+
 def _difference(folder: Path, texts: dict[str, bytes]) -> str:
     """Where two recipes differ first."""
-    theirs, mine = (
-        json.loads(json.loads(text)["recipe_json"])
-        for text in ((folder / "site.json").read_bytes(), texts["site.json"])
-    )
+    mine = json.loads(json.loads(texts["site.json"])["recipe_json"])
+    try:
+        theirs = dict(json.loads(_read(folder / "site.json")["recipe_json"]))
+    except (OutputError, KeyError, TypeError, ValueError, RecursionError):
+        return ", or is damaged"
     return next(
         (
             f" ({key}: {_told(theirs.get(key))}, not {_told(mine[key])})"
@@ -241,11 +248,14 @@ def _told(value: Any) -> str:
     return str(value)[:60]
 
 
-def _read(path: Path) -> Any:
+def _read(path: Path) -> dict[str, Any]:
     try:
-        return json.loads(read_text(path, path.name, most=MOST))
-    except ValueError:
-        raise OutputError(f"{path} is damaged: not JSON") from None
+        found = read_json(path, path.name, most=MOST)
+    except DataError as error:
+        raise OutputError(f"{path} is damaged: {error}") from None
+    if not isinstance(found, dict):
+        raise OutputError(f"{path} is damaged: no mapping")
+    return found
 
 
 def load_order(out: Path) -> TileOrder:
@@ -268,12 +278,13 @@ def _load(out: str, *state: int) -> TileOrder:
     folder = Path(out) / FOLDER
     told = _read(folder / ORDER)
     try:
-        site: Site = from_plain(_read(folder / "site.json"), read_arrays(folder / "arrays.npz"))
-        return TileOrder(
-            out=Path(out),
-            site=site,
-            grid=TileGrid.of(site, int(told["cells"])),
-            exports=tuple(Export(**plain) for plain in told["exports"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
+        with reading(FOLDER):
+            site: Site = from_plain(_read(folder / "site.json"), read_arrays(folder / "arrays.npz"))
+            return TileOrder(
+                out=Path(out),
+                site=site,
+                grid=TileGrid.of(site, int(told["cells"])),
+                exports=tuple(Export(**plain) for plain in told["exports"]),
+            )
+    except DataError as error:
         raise OutputError(f"{folder} is damaged: {error}") from None

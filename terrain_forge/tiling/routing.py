@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    DataError,
     Key,
     OutputError,
     Stopwatch,
     from_plain,
     read_arrays,
-    read_text,
+    read_json,
+    reading,
     to_plain,
 )
 from terrain_forge.making import make_ground
@@ -124,10 +126,10 @@ def load_routes(out: Path) -> tuple[Route, ...] | None:
     if not table.is_file():
         return None
     try:
-        routes: tuple[Route, ...] = from_plain(
-            json.loads(read_text(table, table.name, most=MOST)), read_arrays(binary)
-        )
-    except (ValueError, KeyError, TypeError, LookupError) as error:
+        plain = read_json(table, table.name, most=MOST)
+        with reading(binary.name):
+            routes: tuple[Route, ...] = from_plain(plain, read_arrays(binary))
+    except DataError as error:
         raise OutputError(
             f"{table} is damaged: {error}; move it away, and build again, which plans anew"
         ) from None

@@ -10,7 +10,7 @@ from .consumer import read_probe as read_probe
 from .consumer import run as run
 from .inspection import BuiltFolder as BuiltFolder
 from .inspection import Inspection as Inspection
-from .inspection import read_json as read_json
+from .inspection import content_of as content_of
 from .measures import ASPECTS as ASPECTS
 from .outlines import ground_and_rocks as ground_and_rocks
 from .outlines import scene_parts as scene_parts

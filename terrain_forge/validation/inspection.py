@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, read_json
 from terrain_forge.model import Check, Export, World
 from terrain_forge.recipe import ValidateSpec
 
@@ -42,7 +41,7 @@ class BuiltFolder:
         return next((self.directory / folder for folder in found), None)
 
 
-def read_json(file: Path) -> dict[str, Any]:
+def content_of(file: Path) -> dict[str, Any]:
     """The content of a JSON file of a world, empty where it was not written.
 
     Raises:
@@ -51,8 +50,8 @@ def read_json(file: Path) -> dict[str, Any]:
     if not file.is_file():
         return {}
     try:
-        content = json.loads(file.read_bytes())
-    except (ValueError, RecursionError):
+        content = read_json(file, file.name)
+    except DataError:
         content = None
     if not isinstance(content, dict):
         raise DataError(f"{file} is damaged: remove it, then validate or build the world anew")

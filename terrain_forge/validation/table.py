@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from terrain_forge.model import Check
-from terrain_forge.validation.inspection import read_json
+from terrain_forge.validation.inspection import content_of
 from terrain_forge.validation.measures import ASPECTS
 
 _MARKS = {"pass": "", "fail": " FAIL", "not carried": "–"}
@@ -59,7 +59,7 @@ def read_checks(path: Path) -> list[Check]:
     Raises:
         ValueError: if what it calls checks are none.
     """
-    return TypeAdapter(list[Check]).validate_python(read_json(path).get("checks", []))
+    return TypeAdapter(list[Check]).validate_python(content_of(path).get("checks", []))
 
 
 def failed_checks(directory: Path) -> list[Check]:

@@ -17,7 +17,7 @@ from terrain_forge.model import Check, Export, World, exporter, failed, plain_op
 from terrain_forge.recipe import ValidateSpec
 from terrain_forge.terrain import terrain_statistics
 from terrain_forge.validation.checks.drives import Drives
-from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 
 GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
 """The order of the groups; those of other packages' checks follow."""
@@ -120,7 +120,7 @@ def validate(
 
 def _driven(folder: Path, earlier: Sequence[str]) -> dict[str, Any] | None:
     """An earlier report and the files of its drives, where there is one."""
-    report = read_json(folder / "report.json")
+    report = content_of(folder / "report.json")
     if not report:
         return None
     files = [name for name in earlier if name.startswith(f"{folder.name}/drive")]

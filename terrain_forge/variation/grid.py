@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, OutputError, Progress, Stopwatch, silent
+from terrain_forge.base import Array, OutputError, Progress, Stopwatch, resolved, silent
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_world, plan
@@ -70,8 +70,8 @@ def make_grid(
     given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
     if isinstance(given, RecipeFile):
         folder, given = given.folder, given.recipe
-    recipe, folder = recipe_from_json(recipe_json(given)), Path(folder).resolve()
-    out = Path(out).resolve()
+    recipe, folder = recipe_from_json(recipe_json(given)), resolved(folder)
+    out = resolved(out)
     require_ours(out)
     orders = orders_of(recipe, only)
     margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from io import StringIO
@@ -17,12 +18,15 @@ import numpy as np
 
 from terrain_forge import __version__
 from terrain_forge.base import (
+    DataError,
     OutputError,
     Progress,
     RecipeError,
     Stopwatch,
     TerrainForgeError,
     compile_ahead,
+    read_json,
+    resolved,
     run_tasks,
     silent,
 )
@@ -112,7 +116,7 @@ def worlds(
     if isinstance(given, RecipeFile):
         folder, given = given.folder, given.recipe
     recipe = recipe_from_json(recipe_json(given))
-    folder, out = Path(folder).resolve(), Path(out).resolve()
+    folder, out = resolved(folder), resolved(out)
     count = (recipe.worlds or WorldsSpec()).count if count is None else count
     if not 1 <= count <= MOST_WORLDS:
         text = f"{count} worlds: 1 to {MOST_WORLDS:,}"
@@ -190,8 +194,8 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     try:
-        found = json.loads((out / ORDER).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = read_json(out / ORDER, ORDER)
+    except DataError:
         raise OutputError(
             f"{out} exists and holds no worlds of ours (no {ORDER}): choose another folder"
         ) from None
@@ -273,12 +277,10 @@ def read_summary(folder: Path) -> dict[str, Any]:
     Raises:
         OutputError: if the folder holds no world of ours.
     """
-    try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    with suppress(DataError):
+        found = read_json(folder / SUMMARY, SUMMARY)
         if isinstance(found, dict) and {"number", "drawn", "measured"} <= {*found}:
             return found
-    except (OSError, ValueError):
-        pass
     raise OutputError(f"{folder} holds no readable {SUMMARY}: remove the folder and make it again")
 
 

@@ -15,6 +15,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=None, help="default: 1, or as inputs take")
     parser.add_argument("--inputs", type=int, default=None)
+    parser.add_argument("--jobs", type=int, default=1, help="how many at a time")
     parser.add_argument("--corpus", action="store_true", help="first those that once failed")
     parser.add_argument("--kind", choices=KINDS, action="append", help="default: all")
     parser.add_argument("--seed", type=int, default=None, help="default: the clock's")
@@ -30,9 +31,10 @@ def main() -> int:
     )
     if given.corpus:
         campaign.regressions()
-    figures = campaign.run(seconds=60 * minutes, inputs=given.inputs or 10**9)
+    figures = campaign.run(seconds=60 * minutes, inputs=given.inputs or 10**9, jobs=given.jobs)
     sys.stdout.write("\n".join([f"seed {seed}", *figures.lines()]) + "\n")
     return 1 if figures.findings else 0
 
 
-sys.exit(main())
+if __name__ == "__main__":  # and not in a process that a command spawns
+    sys.exit(main())

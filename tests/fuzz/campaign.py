@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import random
 import re
 import shutil
+import signal
 import tempfile
 import time
+import traceback
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 from tests.fuzz import samples, trial
-from tests.fuzz.files import Files, Worlds
+from tests.fuzz.arguments import Arguments
+from tests.fuzz.files import (
+    Files,
+    Folder,
+    Worlds,
+    folder_of_recording,
+    folder_of_series,
+    folder_of_site,
+    folder_of_world,
+)
 from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
 
 CORPUS = Path(__file__).parent / "corpus"
-KINDS = ("recipes", "files", "worlds", "kills")
+KINDS = {"recipes": 20, "files": 18, "worlds": 8, "arguments": 3, "kills": 1}
+"""Kinds of inputs, and how many of each there are among fifty: a kill takes as long as a hundred
+recipes."""
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
 
 
@@ -34,6 +51,16 @@ class Figures:
     seconds: float = 0.0
     slowest: float = 0.0
     largest: float = 0.0
+
+    def add(self, other: Figures) -> None:
+        """Take in what came of another campaign at the same time."""
+        self.inputs += other.inputs
+        self.statuses += other.statuses
+        for name, where in other.findings.items():
+            self.findings.setdefault(name, []).extend(where)
+        self.seconds = max(self.seconds, other.seconds)
+        self.slowest = max(self.slowest, other.slowest)
+        self.largest = max(self.largest, other.largest)
 
     def lines(self) -> list[str]:
         """The figures as text."""
@@ -63,7 +90,7 @@ class Campaign:
         self,
         *,
         seed: int,
-        kinds: tuple[str, ...] = KINDS,
+        kinds: tuple[str, ...] = tuple(KINDS),
         keep: Path,
         builds: float = 0.1,
         timed: bool = False,
@@ -75,14 +102,16 @@ class Campaign:
         (self._place / "good").mkdir()
         good = {**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}
         trial.warm_up(samples.write_recipe(good, self._place))
-        self._writers: dict[str, Recipes | Files | Worlds] = {
+        self._writers: dict[str, Recipes | Files | Worlds | Arguments] = {
             "recipes": Recipes(self._rng),
             "files": Files(self._rng, self._place / "good"),
         }
-        if {"worlds", "kills"} & {*kinds}:
-            world = self._good_world()
-            self._writers["worlds"] = Worlds(self._rng, world)
-            self._kills = Kills(self._rng, world, timed=timed)
+        if {"worlds", "kills", "arguments"} & {*kinds}:
+            folders = self._good_folders()
+            self._writers["worlds"] = Worlds(self._rng, folders)
+            self._writers["arguments"] = Arguments(self._rng, self._place / "recorded")
+            self._kills = Kills(self._rng, self._place / "built", timed=timed)
+        trial.load_kernels()
 
     def regressions(self) -> None:
         """Check the inputs that something was once wrong with."""
@@ -99,37 +128,89 @@ class Campaign:
             self.figures.inputs["corpus"] += 1
             shutil.rmtree(folder)
 
-    def run(self, *, seconds: float = 1e9, inputs: int = 10**9) -> Figures:
-        """Run for a time, or a number of inputs, or until an interrupt."""
-        begin, kinds = time.monotonic(), self._kinds
+    def run(self, *, seconds: float = 1e9, inputs: int = 10**9, jobs: int = 1) -> Figures:
+        """Run for a time, or a number of inputs, or until an interrupt.
+
+        Args:
+            seconds: For how long.
+            inputs: How many.
+            jobs: How many processes draw and run them; which they are does not depend on it.
+        """
+        pipes = [self._fork(job, jobs, seconds, inputs) for job in range(jobs)]
+        usual = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the others end, and tell
         try:
-            first = self.figures.inputs.total()
-            while (
-                self.figures.inputs.total() - first < inputs and time.monotonic() - begin < seconds
-            ):
-                self._step(kinds[self.figures.inputs.total() % len(kinds)])
+            for pipe in pipes:
+                with os.fdopen(pipe, "rb") as file:
+                    self.figures.add(pickle.load(file))
+        finally:
+            shutil.rmtree(self._place, ignore_errors=True)
+            signal.signal(signal.SIGINT, usual)
+        return self.figures
+
+    def _fork(self, job: int, jobs: int, seconds: float, inputs: int) -> int:
+        """Have another process run its part; where its figures are read."""
+        reading, writing = os.pipe()
+        if os.fork():
+            os.close(writing)
+            return reading
+        try:
+            self._place, self.figures = self._place / str(job), Figures()
+            self._place.mkdir()
+            self._run_part(job, jobs, seconds, inputs)
+            with os.fdopen(writing, "wb") as file:
+                pickle.dump(self.figures, file)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(0)
+
+    def _run_part(self, job: int, jobs: int, seconds: float, inputs: int) -> None:
+        begin, drawn = time.monotonic(), Counter[str]()
+        try:
+            for number in range(inputs):
+                if time.monotonic() - begin >= seconds:
+                    break
+                kind = min(self._kinds, key=lambda kind: (drawn[kind] + 1) / KINDS[kind])
+                drawn[kind] += 1
+                if number % jobs == job:
+                    self._step(kind, drawn[kind])
                 self.figures.seconds = time.monotonic() - begin
         except KeyboardInterrupt:
             self.figures.seconds = time.monotonic() - begin
-        finally:
-            shutil.rmtree(self._place, ignore_errors=True)
-        return self.figures
 
-    def _good_world(self) -> Path:
-        ended = trial.run(
-            ("build", "recipe.yaml", "-o", "built"), self._place, seconds=90, memory=6e9
-        )
+    def _good_folders(self) -> list[Folder]:
+        for name, recipe in (
+            ("sensors", samples.of_sensors()),
+            ("site", samples.of_tiles()),
+            ("series", samples.of_worlds()),
+        ):
+            samples.write_recipe(recipe, self._place, f"{name}.yaml")
+        self._must("build", "recipe.yaml", "-o", "built")
+        self._must("build", "sensors.yaml", "-o", "recorded")
+        self._must("record", "recorded")
+        self._must("evaluate", "recorded", "--systems", "imu,wheel-odometry")
+        self._must("build", "site.yaml", "-o", "site", "--workers", "0")
+        self._must("worlds", "series.yaml", "-o", "series", "--workers", "0")
+        return [
+            *[folder_of_world(self._place / "built")] * 2,
+            folder_of_recording(self._place / "recorded"),
+            folder_of_site(self._place / "site"),
+            folder_of_series(self._place / "series"),
+        ]
+
+    def _must(self, *command: str) -> None:
+        ended = trial.run(command, self._place, seconds=90, memory=6e9)
         assert ended.status == 0, ended.stderr
-        return self._place / "built"
 
-    def _step(self, kind: str) -> None:
+    def _step(self, kind: str, number: int) -> None:
         folder = self._place / "case"
         folder.mkdir()
         # Each input has its own chance, whatever came of those before.
-        self._rng.seed(f"{self._seed} {kind} {self.figures.inputs[kind]}")
+        self._rng.seed(f"{self._seed} {kind} {number}")
         self.figures.inputs[kind] += 1
         if kind == "kills":
-            found, command = self._kills.attempt(folder)
+            found, command, ended = self._kills.attempt(folder)
+            self._note(kind, ended)
         else:
             if kind == "recipes":
                 put_traps(folder)
@@ -141,12 +222,13 @@ class Campaign:
         shutil.rmtree(folder)
 
     def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
-        allowed = (0, 1, 2) if kind == "worlds" else (0, 2)
+        built = kind in ("worlds", "arguments")
+        allowed = (0, 1, 2) if built else (0, 2)
         before = {path.name for path in folder.iterdir()}
         ended = trial.run(arguments, folder)
         self._note(kind, ended)
         found = trial.faults(ended, allowed=allowed)
-        if kind == "worlds":
+        if built:
             return found
         left = {path.name for path in folder.iterdir()} - before
         found += [f"left behind: {sorted(left)}"] if left else []
@@ -178,13 +260,12 @@ class Campaign:
         if len(where) >= 3:
             where.append("")
             return
-        number = sum(map(len, self.figures.findings.values()))
-        target = self._keep / f"{number:04}"
-        while target.exists():
-            number += 1
+        for number in count(1):
             target = self._keep / f"{number:04}"
+            with suppress(FileExistsError):
+                target.mkdir(parents=True)
+                break
         where.append(str(target))
-        target.mkdir(parents=True)
         (target / "fault.txt").write_text(f"{fault}\n{command}\n", encoding="utf-8")
         for path in folder.iterdir():
             if path.is_dir() and not path.is_symlink():

@@ -9,20 +9,92 @@ import random
 import shutil
 import struct
 import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tests.fuzz import samples
 from tests.fuzz.recipes import NUMBERS, TEXTS
 
-_WORLD = (
-    "world/world.json",
-    "world/arrays.npz",
-    "world/shared.npz",
-    "manifest.json",
-    "paths/way.csv",
-    "report.html",
-)
+VALIDATE = "validate", "world", "--quick"
+"""A command, of which `world` is the folder that is broken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Folder:
+    """A folder that a command made."""
+
+    path: Path
+    known: tuple[str, ...]
+    """Files of it that others read; they are broken more often than the others."""
+    commands: tuple[tuple[str, ...], ...]
+    """What reads them."""
+
+
+def folder_of_world(path: Path) -> Folder:
+    """What a build made."""
+    return Folder(
+        path=path,
+        known=(
+            *("world/world.json", "world/arrays.npz", "world/shared.npz", "manifest.json"),
+            *("paths/way.csv", "report.html"),
+        ),
+        commands=(
+            *(VALIDATE, VALIDATE, ("export", "world", "--only", "geotiff")),
+            ("view", "world", "--no-browser"),
+        ),
+    )
+
+
+def folder_of_recording(path: Path) -> Folder:
+    """A world that was recorded, and systems evaluated on it."""
+    stamp = 1_600_000_000_000_000_000
+    known = (
+        *("dataset.json", "plan.json", "formats.json", "written.csv", "slam/evaluation.json"),
+        *("slam/evaluation.csv", "slam/evaluation.txt", "calibration/README.txt"),
+        *("slam/imu_1/imu.tum", "slam/imu_1/errors.csv", "truth/base_link.tum"),
+        *(f"mav0/{name}/data.csv" for name in ("imu0", "odometry0", "lidar0", "cam0")),
+        *(f"mav0/lidar0/data/{stamp}.npy", f"mav0/cam0/data/{stamp}.png"),
+        *("mav0/state_groundtruth_estimate0/data.csv", "mav0/imu0/sensor.yaml"),
+    )
+    return Folder(
+        path=path,
+        known=tuple(f"dataset/{name}" for name in known),
+        commands=(
+            *(VALIDATE, ("record", "world"), ("record", "world", "--formats", "tum,rosbag2")),
+            ("evaluate", "world", "--systems", "imu,wheel-odometry", "--force"),
+        ),
+    )
+
+
+def folder_of_site(path: Path) -> Folder:
+    """A site in tiles."""
+    return Folder(
+        path=path,
+        known=tuple(
+            file.relative_to(path).as_posix()
+            for file in sorted(path.rglob("*"))
+            if file.suffix in (".json", ".csv", ".npz") and file.is_file()
+        ),
+        commands=(
+            *(VALIDATE, ("cut", "world", "--centre", "1,1", "--size", "4,4", "-o", "cut")),
+            ("build", "site.yaml", "-o", "world", "--workers", "0"),
+        ),
+    )
+
+
+def folder_of_series(path: Path) -> Folder:
+    """Worlds of one recipe."""
+    return Folder(
+        path=path,
+        known=tuple(
+            file.relative_to(path).as_posix()
+            for file in sorted(path.rglob("*.*"))
+            if file.suffix in (".json", ".csv", ".npz") and file.is_file()
+        ),
+        commands=(("worlds", "series.yaml", "-o", "world", "--workers", "0"),),
+    )
 
 
 class Files:
@@ -39,7 +111,7 @@ class Files:
 
     def write(self, folder: Path) -> tuple[str, ...]:
         """Write a recipe and its inputs; the command that reads them."""
-        recipe, names = self._rng.choice(self._recipes)
+        recipe, names, command = self._rng.choice(self._recipes)
         for path in self._folder.iterdir():
             os.link(path, folder / path.name)
         for name in names if self._rng.random() < 0.2 else [self._rng.choice(names)]:
@@ -47,30 +119,33 @@ class Files:
         samples.write_recipe(recipe, folder)
         if names[0].endswith((".tif", ".img", ".asc", ".LBL")) and self._rng.random() < 0.2:
             return ("check", names[0])
-        return ("check", "recipe.yaml")
+        return command
 
     def _others(self) -> list[str]:
         return sorted(path.name for path in self._folder.iterdir())
 
 
 class Worlds:
-    """Draws built worlds with broken files.
+    """Draws folders of ours with broken files.
 
     Args:
         rng: where chance comes from.
-        world: a good one.
+        folders: good ones; the recipes that commands read lie beside them.
     """
 
-    def __init__(self, rng: random.Random, world: Path) -> None:
-        self._rng, self._world = rng, world
+    def __init__(self, rng: random.Random, folders: Sequence[Folder]) -> None:
+        self._rng, self._folders = rng, folders
 
     def write(self, folder: Path) -> tuple[str, ...]:
-        """Write a world; the command that reads it."""
+        """Write a folder; the command that reads it."""
         rng, world = self._rng, folder / "world"
-        shutil.copytree(self._world, world)
+        good = rng.choice(self._folders)
+        shutil.copytree(good.path, world)
+        for recipe in good.path.parent.glob("*.yaml"):
+            shutil.copyfile(recipe, folder / recipe.name)
         files = sorted(path for path in world.rglob("*") if path.is_file())
         names = [str(path.relative_to(world)) for path in files]
-        name = rng.choice(_WORLD if rng.random() < 0.8 else names)
+        name = rng.choice(good.known if rng.random() < 0.8 else names)
         path = world / name
         if name.endswith(".npz") and rng.random() < 0.6:
             path.write_bytes(_spoilt_archive(rng, path.read_bytes()))
@@ -79,12 +154,7 @@ class Worlds:
             path.write_text(json.dumps(data), encoding="utf-8")
         else:
             spoil(rng, path, [world / other for other in names])
-        match rng.randrange(4):
-            case 0:
-                return ("export", "world", "--only", "geotiff")
-            case 1:
-                return ("view", "world", "--no-browser")
-        return ("validate", "world", "--quick")
+        return rng.choice(good.commands)
 
 
 def spoil(rng: random.Random, path: Path, others: list[Path]) -> None:
@@ -102,7 +172,7 @@ def spoil(rng: random.Random, path: Path, others: list[Path]) -> None:
             return
         case 4:
             with path.open("wb") as file:
-                file.truncate(6 * 2**30)
+                file.truncate(2**32)  # more than memory allowed, and hashed in time
         case 5:
             path.write_bytes(rng.choice([one for one in others if one != path]).read_bytes())
         case 6:

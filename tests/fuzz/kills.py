@@ -44,8 +44,8 @@ class Kills:
         self._steps: dict[str, int] = {}
         """Number of steps by command."""
 
-    def attempt(self, folder: Path) -> tuple[list[str], str]:
-        """Meet one command; what is wrong with what came of it, and what was done."""
+    def attempt(self, folder: Path) -> tuple[list[str], str, trial.Ended]:
+        """Meet one command; what is wrong with what came of it, what was done, and its end."""
         rng = self._rng
         world = folder / "world"
         self._lay_out(folder, seed=rng.randrange(9))
@@ -84,7 +84,7 @@ class Kills:
             again = trial.run(after, folder, **LIMITS)
             faults = [*trial.faults(again, allowed=(0, 1), **LIMITS), *_left(folder)]
             found += [f"{after[0]} after {command[0]}: {fault}" for fault in faults]
-        return found, f"{' '.join(command)}: {what}\n{ended.stderr}"
+        return found, f"{' '.join(command)}: {what}\n{ended.stderr}", ended
 
     def _lay_out(self, folder: Path, *, seed: int) -> None:
         shutil.copytree(self._world, folder / "world", symlinks=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,16 @@ Plain = dict[str, Any]
 LAW = {"kind": "golombek", "k": 0.05}
 STONES = {"name": "stones", "size_frequency": LAW, "diameter_m": [0.1, 0.5]}
 WAY = {"name": "way", "route": {"points_m": [[-0.6, 0], [0.6, 0.2]]}, "speed_m_s": 0.3}
+SENSORS = [
+    {"name": "imu", "kind": "imu", "preset": "stim300", "rate_hz": 50},
+    {"name": "wheels", "kind": "odometry", "rate_hz": 10},
+    {"name": "lidar", "kind": "lidar", "elevations_deg": [-20, -7], "horizontal_samples": 30,
+     "position_m": [0, 0, 0.9], "rate_hz": 5},
+    {"name": "camera", "kind": "camera", "position_m": [0.2, 0, 0.6], "rpy_deg": [0, 12, 0],
+     "rate_hz": 1, "width_px": 16, "height_px": 12},
+]  # fmt: skip
+CHECK = "check", "recipe.yaml"
+SCORE = "evaluate", "--truth", "tum.txt", "--estimate", "estimate.txt", "--set", "stations_m=0"
 
 
 def tiny(**changes: Any) -> Plain:
@@ -52,10 +61,39 @@ def of_rover(file: str) -> Plain:
     return tiny(rover={"kind": "file", "file": file}, paths=[WAY], validate={"drive": "way"})
 
 
+def of_sensors() -> Plain:
+    """A recipe whose world can be recorded."""
+    return {**of_rocks(STONES), "rover": "skid4", "paths": [WAY], "sensors": SENSORS,
+            "dataset": {"profile": "quick"}}  # fmt: skip
+
+
+def of_tiles() -> Plain:
+    """A recipe of a site in tiles."""
+    return {**of_rocks(STONES), "dtm": {"kind": "flat", "size_m": [16, 16]}, "paths": [WAY],
+            "tiles": {"size_m": 8}}  # fmt: skip
+
+
+def of_worlds() -> Plain:
+    """A recipe of two worlds."""
+    vary = {
+        "rocks.populations.0.size_frequency.k": {"difficulty": [0.01, 0.2]},
+        "sun.elevation_deg": {"uniform": [5, 60]},
+        "rover": {"choice": ["skid4", "morpheus"]},
+    }
+    return {**of_rocks(STONES), "worlds": {"count": 2, "vary": vary, "difficulty": {}},
+            "sun": {"azimuth_deg": 10, "elevation_deg": 30}, "rover": "skid4"}  # fmt: skip
+
+
 def schema_recipes() -> list[Plain]:
     """Recipes that need no file and together use most of what a recipe can say."""
     band = {"slope": {"below_deg": 20}, "height": {"above_m": -1, "fade_m": 0.2}}
     craters = {"production": {"kind": "neukum", "age_ga": 3.0}, "diameter_m": [0.5, 20]}
+    hollow = {"above_m": 0.02, "fade_m": 0.02, "baseline_m": 1}
+    soils = [
+        {"kind": "sand", "mask": {"hollow": hollow}, "cover": 0.8, "patch_m": 1},
+        *({"kind": kind, "cover": 0.3} for kind in ("dust", "lag", "bedrock")),
+    ]
+    placed = {"kind": "flat", "size_m": [5, 4], "lonlat_deg": [10, 20]}
     return [
         of_rocks(STONES, exclusion_zones=[{"centre_m": [0, 0], "radius_m": 0.4}]),
         of_rocks({**STONES, "size_frequency": {"kind": "power_law", "number_per_m2": 0.02,
@@ -92,18 +130,35 @@ def schema_recipes() -> list[Plain]:
         tiny(rover={"kind": "skid4"}, sun={"azimuth_deg": 10, "elevation_deg": 3}),
         tiny(rover={"kind": "morpheus", "model": "detailed", "grousers": {"count": 20}},
              exports=["rover"]),
-        tiny(dtm={"kind": "flat", "size_m": [5, 4], "lonlat_deg": [10, 20]}, body="mars"),
+        tiny(dtm=placed, body="mars"),
+        tiny(dtm=placed, body="mars", sun={"time": "2030-09-01", "ltst": "09:00"},
+             sky={"tau": 0.6}, horizon={}, rover="skid4", exports={"usd": {}, "glb": {}}),
+        tiny(body="mars", terrain={"spacing_m": 0.125, "materials": soils}),
+        of_tiles(),
+        tiny(rover="skid4", paths=[WAY], validate={"drive": {"path": "way"}, "drives": 2}),
+        of_worlds(),
+        of_sensors(),
+        tiny(rover="morpheus", paths=[WAY], dataset={"motion": "drive", "formats": ["tum"]},
+             sensors={"add": [
+                 {"name": "sun", "kind": "sun_sensor"},
+                 {"name": "tilt", "kind": "inclinometer", "link": "rocker_left"},
+                 {"name": "stereo", "kind": "stereo", "position_m": [0.2, 0, 0.6],
+                  "channels": ["depth"]}]}),
     ]  # fmt: skip
 
 
-def file_recipes(folder: Path) -> list[tuple[Plain, tuple[str, ...]]]:
-    """Write good files of every kind; recipes, each with the files of it that may be broken."""
+def file_recipes(folder: Path) -> list[tuple[Plain, tuple[str, ...], tuple[str, ...]]]:
+    """Write good files of every kind.
+
+    Returns recipes, each with the files of it that may be broken, and the command that reads them.
+    """
     _rasters(folder)
     _tables(folder)
     _meshes(folder)
     _rovers(folder)
     image = {"image": "image.png", "height_m": 0.3}
-    rows = [
+    appearance = {"detail": {"image": "image.png", "size_m": 0.5}}
+    rows: list[Any] = [
         *((of_raster(name), (name,)) for name in ("dem.tif", "dem_int.tif", "tiled.tif")),
         (of_raster("dem.img"), ("dem.img", "dem.hdr")),
         (of_raster("dem.asc", extent_m=[40, 40]), ("dem.asc",)),
@@ -113,6 +168,8 @@ def file_recipes(folder: Path) -> list[tuple[Plain, tuple[str, ...]]]:
         (of_rocks({**STONES, "density_image": "image.png"}), ("image.png",)),
         (of_raster("dem.tif") | {"terrain": {"spacing_m": 0.125, "appearance": {
             "orthoimage": {"image": "ortho.tif"}}}}, ("ortho.tif",)),
+        (tiny(terrain={"spacing_m": 0.125, "appearance": appearance}), ("image.png",)),
+        (of_layer(kind="fractal", mask={"image": "mask.png"}), ("mask.png",)),
         (of_rocks(lists=[{"name": "mine", "file": "rocks.csv"}]), ("rocks.csv",)),
         (of_layer(kind="craters", file="craters.csv"), ("craters.csv",)),
         (of_rocks({**STONES, "size_frequency": {"kind": "counts", "file": "counts.csv",
@@ -127,8 +184,10 @@ def file_recipes(folder: Path) -> list[tuple[Plain, tuple[str, ...]]]:
         (of_rover("rover.urdf"), ("rover.urdf", "wheel.stl")),
         (of_rover("rover.xml"), ("rover.xml",)),
         (of_rover("rover.xacro"), ("rover.xacro",)),
+        (tiny(), ("estimate.txt", "tum.txt"), SCORE),
+        (tiny(), ("study.yaml",), ("study", "study.yaml", "--list")),
     ]  # fmt: skip
-    return rows
+    return [(*row, CHECK)[:3] for row in rows]
 
 
 def _rasters(folder: Path) -> None:
@@ -161,6 +220,7 @@ def _rasters(folder: Path) -> None:
     grey = np.clip(heights * 20 + 100, 0, 255).astype("uint8")
     Image.fromarray(grey).save(folder / "height.png")
     Image.fromarray(grey).save(folder / "image.png")
+    Image.fromarray(grey[:32]).save(folder / "mask.png")
     for name in ("LBL", "IMG"):
         text = (DTMS / f"lola_ldem16_tranquillitatis.{name}").read_bytes()
         text = text.replace(b"lola_ldem16_tranquillitatis", b"lola")
@@ -177,6 +237,12 @@ def _tables(folder: Path) -> None:
         "track.csv": "time_s,x_m,y_m,yaw_deg\n0,-0.5,0,0\n2,0,0.1,5\n4,0.5,0,0\n",
         "tum.txt": "0 -0.5 0 0 0 0 0 1\n2 0 0.1 0 0 0 0 1\n4 0.5 0 0 0 0 0 1\n",
     }
+    poses = (f"{t} {0.1 * t} {0.01 * t * t} 0 0 0 0 1\n" for t in range(30))
+    tables["estimate.txt"] = "".join(poses)
+    study = {"shapes": {"one": {}, "two": {"rocks.library.shapes": 2}}, "seeds": 2}
+    tables["study.yaml"] = json.dumps(
+        {"recipe": "recipe.yaml", "study": study, "systems": ["imu"]}, indent=1
+    )
     for name, text in tables.items():
         (folder / name).write_text(text)
 
@@ -233,8 +299,3 @@ def write_recipe(recipe: Plain, folder: Path, name: str = "recipe.yaml") -> Path
     path = folder / name
     path.write_text(json.dumps(recipe), encoding="utf-8")
     return path
-
-
-def copy_dtms(folder: Path) -> None:
-    """Where the shipped recipes look for DTMs, seen from a folder within another."""
-    shutil.copytree(DTMS, folder / "dtm_samples", dirs_exist_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import gc
 import os
+import pkgutil
 import re
 import resource
 import select
@@ -14,9 +15,13 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
+import terrain_forge
+from terrain_forge.base.listed import is_kept, kernel, listed, numba_types
 from tests.helpers import command_line
 
 SECONDS = 20.0
@@ -47,9 +52,9 @@ class Ended:
 
 
 def warm_up(good: Path) -> None:
-    """Import what commands import, and check a good recipe, so that a forked one need do neither.
+    """Import all of ours and what commands import late, and check a good recipe.
 
-    What was made until then is left alone by its collector: its memory stays shared.
+    A forked command need do neither.
     """
     import mujoco  # noqa: F401
     import rasterio  # noqa: F401
@@ -58,8 +63,19 @@ def warm_up(good: Path) -> None:
     import scipy.stats  # noqa: F401
     import trimesh  # noqa: F401
 
+    for module in pkgutil.walk_packages(terrain_forge.__path__, "terrain_forge."):
+        with suppress(ImportError):  # of programs that are not installed
+            import_module(module.name)
     done = command_line.run("check", good)
     assert done.returncode == 0, done.stderr
+
+
+def load_kernels() -> None:
+    """Load the kernels that the cache holds; what was made until now stays shared memory."""
+    for room in listed("build").values():
+        for name, signature in room.items():
+            if is_kept(name, signature):
+                kernel(name).compile(numba_types(signature))
     gc.collect()
     gc.freeze()
 

@@ -30,7 +30,7 @@ from terrain_forge.report.recorded.measures import (
 )
 from terrain_forge.report.recorded.plots import imu_plot, sweep_plot
 from terrain_forge.report.section import Built, Section
-from terrain_forge.validation import read_json
+from terrain_forge.validation import content_of
 
 _BELOW = {"depth": "true depth", "class": "labels"}
 _TOLD = {"path": "as the path says", "drive": "as the drive went"}
@@ -96,7 +96,7 @@ def _film(recording: Recording) -> Iterator[Block]:
 def _about(recording: Recording, seconds: float) -> list[tuple[str, Shown]]:
     about = recording.about
     motion = about.get("motion", {})
-    formats = sorted(read_json(recording.folder / "formats.json"))
+    formats = sorted(content_of(recording.folder / "formats.json"))
     found: list[tuple[str, Shown]] = [
         ("Path", f"{motion.get('path', '–')}, {_TOLD.get(motion.get('source', ''), '–')}"),
         ("Recorded", f"{seconds:.1f} s of {motion.get('duration_s', 0.0):.1f} s"),

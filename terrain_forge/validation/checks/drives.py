@@ -22,7 +22,7 @@ from terrain_forge.driving import (
 from terrain_forge.model import Check, Rover, World, at_least, at_most, failed
 from terrain_forge.recipe import DriveSpec, StartsSpec
 from terrain_forge.scene import open_scene
-from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 
 _REPORTED = "drive", "drives"
 """Parts of the report."""
@@ -69,7 +69,7 @@ class Drives(Inspection):
     def _keep(self, built: BuiltFolder, driven: Mapping[str, Any]) -> Iterable[Check]:
         """The checks of drives that hold; their figures and files stay too."""
         self._kept = {name: driven[name] for name in _REPORTED if name in driven}
-        told = read_json(built.directory / "timings.json")
+        told = content_of(built.directory / "timings.json")
         names = [f"{one}_{what}" for one in _REPORTED for what in _TIMED]
         self._timings = [(name, told[name]) for name in names if name in told]
         for check in driven["checks"]:

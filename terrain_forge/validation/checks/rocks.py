@@ -20,7 +20,7 @@ from terrain_forge.model import (
 )
 from terrain_forge.rocks import FOOT, edges, find_overlaps
 from terrain_forge.truth import shape_figures
-from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 from terrain_forge.validation.outlines import heights_above
 
 SIGNIFICANCE = 0.001
@@ -46,7 +46,7 @@ class Rocks(Inspection):
     def checks(self, built: BuiltFolder) -> list[Check]:
         """Of all rocks, and of the truth's verification where there is one."""
         world = built.world
-        verification = read_json(built.directory / "truth" / "size_frequency.json")
+        verification = content_of(built.directory / "truth" / "size_frequency.json")
         return [
             *_place_checks(world, [part["name"] for part in verification.get("lists", ())]),
             *_size_checks(verification),

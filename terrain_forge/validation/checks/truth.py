@@ -12,7 +12,7 @@ from terrain_forge.base import Array, mix, stage_key, uniforms
 from terrain_forge.dtm import open_dataset
 from terrain_forge.model import Check, World, at_least, at_most, merge
 from terrain_forge.scene import GROUND, open_scene
-from terrain_forge.validation.inspection import BuiltFolder, Inspection, read_json
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 from terrain_forge.validation.measures import ground_limit
 
 _CLEARANCE = 1.0
@@ -127,7 +127,7 @@ class Craters(Inspection):
 
     def checks(self, built: BuiltFolder) -> Iterator[Check]:
         """Each layer's, as the truth has them."""
-        counts = read_json(built.directory / "truth" / "crater_counts.json")
+        counts = content_of(built.directory / "truth" / "crater_counts.json")
         for layer in counts.get("layers", ()):
             if "number" not in layer:
                 continue

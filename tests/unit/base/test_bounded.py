@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from terrain_forge.base import OutputError, read_arrays
+from terrain_forge.base import MAX_STATE, DataError, OutputError, read_arrays, read_json
 from terrain_forge.model import World
 
 
@@ -65,3 +65,21 @@ def test_a_world_of_nothing_readable(tmp_path):
         (tmp_path / "world" / "world.json").write_text(text)
         with pytest.raises(OutputError, match="no readable terrain-forge world"):
             World.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", "9" * 5000, "\ud800"])
+def test_what_is_no_json_is_told_in_one_line(text, tmp_path):
+    path = tmp_path / "state.json"
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(DataError, match=r"^state\.json"):
+        read_json(path, path.name)
+    path.write_text('{"a": [1]}', encoding="utf-8")
+    assert read_json(path, path.name) == {"a": [1]}
+
+
+def test_a_state_that_would_fill_the_memory_is_not_read(tmp_path):
+    path = tmp_path / "state.json"
+    with path.open("wb") as file:
+        file.truncate(MAX_STATE + 1)
+    with pytest.raises(DataError, match="at most 256 MiB"):
+        read_json(path, path.name)

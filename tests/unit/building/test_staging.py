@@ -21,7 +21,7 @@ from terrain_forge.building import (
 )
 from terrain_forge.building import staging as staging_file
 from terrain_forge.building.manifest import MARK, altered_files
-from terrain_forge.validation import read_json
+from terrain_forge.validation import content_of
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 from tests.helpers.staged import content, fill, names, write
@@ -392,7 +392,7 @@ def test_a_manifest_with_odd_exports_is_none_of_ours(tmp_path, part):
 def test_damaged_files_of_a_world_are_named(tmp_path, text):
     (tmp_path / "report.json").write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(DataError, match=r"report\.json is damaged"):
-        read_json(tmp_path / "report.json")
+        content_of(tmp_path / "report.json")
 
 
 @pytest.mark.parametrize("command", ["build", "worlds"])

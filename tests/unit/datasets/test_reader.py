@@ -138,6 +138,22 @@ BROKEN = {
         lambda f: _swap(f / "mav0/cam0/data.csv", f",{EPOCH}.png", ",../../secret.png"),
         r"cam0/data.csv:2: '\.\./\.\./secret\.png' is no file's name",
     ),
+    "bytes": (
+        lambda f: (f / "mav0/imu0/data.csv").write_bytes(b"#timestamp,a\n\xc3\x28"),
+        "imu0/data.csv cannot be read: .*invalid continuation byte",
+    ),
+    "line": (
+        lambda f: (f / "mav0/imu0/data.csv").write_text("#timestamp,a\n" + "1" * 20_000),
+        "imu0/data.csv: a line has more than 10,000 characters",
+    ),
+    "line of names": (
+        lambda f: (f / "mav0/cam0/data.csv").write_bytes(bytes(20_000)),
+        "cam0/data.csv: a line has more than 10,000 characters",
+    ),
+    "line of truth": (
+        lambda f: (f / "truth/cam0.tum").write_bytes(bytes(20_000)),
+        "truth/cam0.tum: a line has more than 10,000 characters",
+    ),
     "truth": (
         lambda f: _cut(f / "truth/cam0.tum", 3),
         "truth/cam0.tum is not at the stamps of cam0",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +30,44 @@ def test_a_closed_stream_changes_no_status(closed):
     assert (done.returncode, done.stderr) == (0, "")
     wrong = COMMAND.replace("sites", "init --recipe none")
     assert subprocess.run(f"{wrong} {closed}", shell=True, check=False).returncode == 2
+
+
+def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: signal.raise_signal(signal.SIGINT))
+    done = run("sites")
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "interrupted, nothing was left behind\n"
+
+
+def test_no_more_memory_is_the_systems_fault(monkeypatch):
+    def refuse(*_):
+        raise MemoryError("Unable to allocate 7 GiB")
+
+    monkeypatch.setattr("terrain_forge.dtm.place_lines", refuse)
+    done = run("sites")
+    assert done.returncode == 3
+    assert (
+        done.stderr == "terrain-forge: the system gives no more memory: Unable to allocate 7 GiB\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        *("validate loop", "export loop --only sdf", "record loop", "build hello.yaml -o loop/in"),
+        *("cut loop --centre 0,0 --size 1,1", "illumination hello.yaml -o loop"),
+        *("worlds hello.yaml -o loop", "build hello.yaml -o loop"),
+    ],
+)
+def test_links_that_lead_in_a_circle_are_told(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_starter(tmp_path)
+    Path("loop").symlink_to("loop")
+    done = run(*command.split())
+    assert done.returncode == 2
+    assert done.complaints[-1].endswith("its symbolic links lead in a circle")
+    assert Path("loop").is_symlink()
+    assert run("check", "loop").stderr == "terrain-forge: no such file: loop\n"
 
 
 def test_a_locale_without_a_letter_is_told_in_one_line(tmp_path):
