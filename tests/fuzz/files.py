@@ -233,7 +233,7 @@ def _spoilt_archive(rng: random.Random, data: bytes) -> bytes:
     """An npz of which one array is another, larger than its bytes, a bomb, or missing."""
     target = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as source:
-        victim = rng.choice(source.namelist())
+        victim = rng.choice(source.namelist() or [""])
         with zipfile.ZipFile(target, "w") as archive:
             for name in source.namelist():
                 content, method = source.read(name), zipfile.ZIP_STORED
