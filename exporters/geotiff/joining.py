@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import read_arrays
+from terrain_forge.base import read_arrays, reading
 from terrain_forge.model import BuiltTile, Heightfield, TiledSite, TileGrid
 from terrain_forge.writers import write_geotiff
 
@@ -77,14 +77,16 @@ def _overview(tiled: TiledSite, directory: Path, product: str) -> NDArray[Any]:
     step, whole = overview_step(tiled.grid), None
     rows, columns = (_shown(cells, step) for cells in (tiled.grid.rows, tiled.grid.columns))
     for tile in tiled.tiles:
-        part = read_arrays(directory / tile.folder / OVERVIEW)[product]
-        if whole is None:
-            whole = np.zeros((len(rows), len(columns), *part.shape[2:]), part.dtype)
         row, column = (
             np.searchsorted(rows, tile.window.row),
             np.searchsorted(columns, tile.window.column),
         )
-        whole[row : row + part.shape[0], column : column + part.shape[1]] = part
+        place = directory / tile.folder / OVERVIEW
+        with reading(str(place)):
+            part = read_arrays(place, str(place))[product]
+            if whole is None:
+                whole = np.zeros((len(rows), len(columns), *part.shape[2:]), part.dtype)
+            whole[row : row + part.shape[0], column : column + part.shape[1]] = part
     assert whole is not None
     return whole
 

@@ -105,25 +105,33 @@ def read_json(path: Path, name: str, *, most: int = MAX_STATE) -> Any:
         return json.loads(text)
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, name: str = "") -> dict[str, NDArray[Any]]:
     """The arrays of an npz that is stored as it is, not compressed: no array is larger than it.
 
+    Args:
+        path: The file.
+        name: What it is called in errors, its own name without.
+
     Raises:
-        DataError: if there is no such file.
-        ValueError, LookupError, OSError, EOFError, BadZipFile: if its bytes are not the arrays'.
+        DataError: if there is no such file, or its bytes are not the arrays'.
     """
-    require_file(path, path.name)
+    require_file(path, name or path.name)
+    with reading(name or path.name):
+        return _arrays(path)
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     with ZipFile(path) as archive:
         parts = archive.infolist()
         for part in parts:
             if part.compress_type != ZIP_STORED or part.file_size != part.compress_size:
-                raise ValueError(f"{part.filename} of {path.name} is compressed")
+                raise ValueError(f"{part.filename} is compressed")
             with archive.open(part) as file:
                 readers = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
                 shape, _, kind = readers[read_magic(file)](file)
                 if part.file_size - file.tell() != math.prod(shape) * kind.itemsize:
-                    raise ValueError(f"{part.filename} of {path.name} is not of the size it says")
+                    raise ValueError(f"{part.filename} is not of the size it says")
         if sum(part.file_size for part in parts) > path.stat().st_size:
-            raise ValueError(f"{path.name} claims more bytes than it has")
+            raise ValueError("it claims more bytes than it has")
     with np.load(path, allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

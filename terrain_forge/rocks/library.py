@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import platform
 import tempfile
-import zlib
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -17,7 +16,6 @@ from importlib.metadata import version
 from logging import getLogger
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
-from zipfile import BadZipFile
 
 import numpy as np
 from annotated_types import Interval, MinLen
@@ -27,6 +25,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    DataError,
     InputFile,
     Spec,
     cache_folder,
@@ -53,7 +52,7 @@ MOST_FILES = 64
 """Libraries that are kept; the oldest go first."""
 
 _MAKERS = ("numpy", "scipy", "numba", "manifold3d", "coacd")
-_BROKEN = (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error)
+_BROKEN = (DataError, OSError, ValueError, LookupError, TypeError)
 MOST_PACKED = 64
 """Shapes by which is judged whether rocks can be packed."""
 _OUTLINE_TOLERANCE = 2e-3  # of a mean axis

@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, run_tasks
+from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, read_text, run_tasks
 from terrain_forge.building import holding, storing
 from terrain_forge.model import Check, at_most
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
-from terrain_forge.tiling.order import FOLDER, TILE, TileOrder, load_order
+from terrain_forge.tiling.order import FOLDER, MOST, TILE, TileOrder, load_order
 
 _NAMED = 8
 _FEW = 16
@@ -115,7 +115,10 @@ def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
         elif sha256(path) != wanted:
             bad.append(f"{name} is damaged")
     table = order.out / FOLDER / TABLE
-    lines = table.read_text("utf-8").splitlines()[1:] if table.is_file() else []
+    try:
+        lines = read_text(table, TABLE, most=MOST).splitlines()[1:] if table.exists() else []
+    except DataError:  # it is among the damaged
+        lines = []
     for number, line in enumerate(lines):
         path = order.folder(number) / TILE
         if path.is_file() and sha256(path) != line.rpartition(",")[2]:

@@ -279,8 +279,10 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """
     with suppress(DataError):
         found = read_json(folder / SUMMARY, SUMMARY)
-        if isinstance(found, dict) and {"number", "drawn", "measured"} <= {*found}:
-            return found
+        if isinstance(found, dict) and {"number", "seed", "difficulty"} <= {*found}:
+            parts = found.get("drawn"), found.get("measured")
+            if all(isinstance(part, dict) for part in parts):
+                return found
     raise OutputError(f"{folder} holds no readable {SUMMARY}: remove the folder and make it again")
 
 

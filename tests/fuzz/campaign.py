@@ -269,8 +269,13 @@ class Campaign:
         (target / "fault.txt").write_text(f"{fault}\n{command}\n", encoding="utf-8")
         for path in folder.iterdir():
             if path.is_dir() and not path.is_symlink():
-                shutil.copytree(path, target / path.name, symlinks=True)
+                shutil.copytree(path, target / path.name, symlinks=True, ignore=_pipes)
             elif path.is_symlink() or path.is_fifo():
                 (target / f"{path.name}.is").write_text(f"{path.is_fifo()} {path.is_symlink()}")
             elif path.stat().st_size < 2**24:
                 shutil.copyfile(path, target / path.name)
+
+
+def _pipes(folder: str, names: list[str]) -> list[str]:
+    """What no copy can be made of."""
+    return [name for name in names if (Path(folder) / name).is_fifo()]

@@ -40,6 +40,25 @@ def test_a_damaged_file_is_found(copied, name):
     assert f"{name} is damaged" in damaged
 
 
+@pytest.mark.parametrize(
+    "name", ["tiles/001/002/geotiff/overview.npz", "tiles/000/001/map.png", "site/routes.json"]
+)
+def test_a_build_names_a_damaged_file_that_it_wants(copied, recipe, name):
+    if not (copied / name).exists():
+        pytest.skip(f"this site has no {name}")
+    (copied / name).write_bytes(b"PK\x03\x04\xff")
+    done = command.run("build", recipe, "-o", copied, "--workers", 0)
+    assert done.returncode == 2
+    assert name in done.complaints[-1]
+
+
+def test_a_list_of_tiles_that_is_no_text_is_damaged(copied):
+    (copied / "site/tiles.csv").write_bytes(b"\xff\xfe")
+    assert not pipeline.validate(copied)
+    report = json.loads((copied / "validation/report.json").read_text())
+    assert report["damaged"] == ["site/tiles.csv is damaged"]
+
+
 def test_a_build_judges_anew_what_it_made_anew(copied, recipe):
     (copied / "truth/size_frequency.json").write_text("{}")
     assert not pipeline.validate(copied)

@@ -247,3 +247,13 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
     assert done.returncode == 2
     assert done.complaints == [done.complaints[0]]
     assert f"{wrong}:1" in done.complaints[0]
+
+
+@pytest.mark.parametrize("drawn", ["[]", "[1]", "3", "null"])
+def test_a_summary_of_other_kinds_of_values_is_none(drawn, tmp_path):
+    told = '"number": 0, "seed": 1, "difficulty": 0.5, "measured": {}'
+    (tmp_path / "drawn.json").write_text(f'{{{told}, "drawn": {{"a": 1}}}}')
+    assert read_summary(tmp_path)["drawn"] == {"a": 1}
+    (tmp_path / "drawn.json").write_text(f'{{{told}, "drawn": {drawn}}}')
+    with pytest.raises(tf.OutputError, match=r"no readable drawn\.json"):
+        read_summary(tmp_path)
