@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
+    ClosePatch,
     bake_tile,
+    close_patches,
     detail_placement,
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
 )
 from terrain_forge.model import GroundDetail, Heightfield, Tile
-from terrain_forge.writers import Gltf, encode_png
+from terrain_forge.rocks import cells_near_paths
+from terrain_forge.writers import Gltf, encode_jpeg, encode_png
 
 from .options import Options
 
@@ -78,7 +81,10 @@ def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options
         "TEXCOORD_0": coordinates,
     }
     normals = shared.normals(tile.ground)
-    if normals:
+    within = options.close_within_m
+    near = cells_near_paths(tile, within=within)
+    patches = list(close_patches(tile, near, within=within, largest=options.texture_pixels))
+    if normals or patches:
         # Unit vectors along the surface to the east, and 1: u, v and normal are right-handed.
         length = np.hypot(upright[:, 0], upright[:, 2])
         east, up = upright[:, 2] / length, -upright[:, 0] / length
@@ -87,15 +93,43 @@ def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options
     picture = image_rows(bake_tile(tile, options.texture_pixels).rgb)
     texture = gltf.add_texture(encode_png(picture), tiles=False)
     material = gltf.add("materials", matt(name, texture=texture, normals=normals))
-    primitive = {"attributes": attributes, "indices": faces, "material": material}
-    mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})
+    rest = np.ones((ground.shape[0] - 1) * (ground.shape[1] - 1), np.bool_)
+    primitives = []
+    for patch in patches:
+        rest[patch.cells] = False
+        indices = gltf.add_indices(faces_of(patch.cells, ground))
+        look = gltf.add("materials", close_look(patch, gltf, name))
+        primitives.append({"attributes": attributes, "indices": indices, "material": look})
+    if patches:
+        faces = gltf.add_indices(faces_of(np.flatnonzero(rest), ground))
+    if rest.any():
+        primitives.append({"attributes": attributes, "indices": faces, "material": material})
+    mesh = gltf.add("meshes", {"name": name, "primitives": primitives})
     return {"name": name, "mesh": mesh, "translation": corner.tolist()}
+
+
+def faces_of(cells: NDArray[np.int64], ground: Heightfield) -> NDArray[np.int32]:
+    """The faces of some cells of a tile."""
+    return grid_faces(*ground.shape).reshape(-1, 6)[cells].reshape(-1, 3)
+
+
+def close_look(patch: ClosePatch, gltf: Gltf, name: str) -> dict[str, Any]:
+    """The material of the ground near a path, its pictures added."""
+    (along, across), (west, south) = patch.scale, patch.offset
+    # v runs down from the top of both images.
+    place = {"scale": [along, across], "offset": [west, 1.0 - across - south]}
+    laid = {"extensions": {TRANSFORM: place}}
+    colours, normals = (
+        {"index": gltf.add_texture(picture, tiles=False, media_type="image/jpeg"), **laid}
+        for picture in map(encode_jpeg, map(image_rows, (patch.texture.rgb, patch.texture.normals)))
+    )
+    return matt(f"{name}_close_{patch.number}", texture=colours, normals=normals)
 
 
 def matt(
     name: str,
     *,
-    texture: int | None = None,
+    texture: int | dict[str, Any] | None = None,
     rgb: Sequence[float] = (1.0, 1.0, 1.0),
     normals: dict[str, Any] | None = None,
     roughness: int | None = None,
@@ -104,7 +138,7 @@ def matt(
 
     Args:
         name: Its name.
-        texture: Index of its texture, whose colours `rgb` multiplies.
+        texture: Index of its texture, or as glTF describes one; `rgb` multiplies its colours.
         rgb: Linear colour, 0 to 1.
         normals: Its normal map, as glTF describes one.
         roughness: Index of the texture whose green is its roughness.
@@ -115,7 +149,7 @@ def matt(
         "roughnessFactor": 1.0,
     }
     if texture is not None:
-        look["baseColorTexture"] = {"index": texture}
+        look["baseColorTexture"] = {"index": texture} if isinstance(texture, int) else texture
     if roughness is not None:
         look["metallicRoughnessTexture"] = {"index": roughness}
     relief = {"normalTexture": normals} if normals else {}

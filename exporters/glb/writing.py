@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import ExportError, xyzw
 from terrain_forge.geometry import (
     PLACE_LOSS,
+    close_loss,
     detail_loss,
     horizon_surface,
     level_of_detail,
@@ -71,7 +72,10 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
             asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=[EXTENSION, *([TRANSFORM] if world.appearance.detail else [])],
+            extensionsUsed=[
+                EXTENSION,
+                *([TRANSFORM] if world.appearance.detail or options.close_within_m > 0.0 else []),
+            ],
             extensions={EXTENSION: {"lights": lights}},
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],
@@ -166,6 +170,7 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
+        *([close_loss(world, options.close_within_m)] if options.close_within_m > 0.0 else []),
         "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
         "file, and no rock moves.",
         "The Sun's angular size is lost, and of the sky all but one colour."

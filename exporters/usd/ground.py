@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
+    ClosePatch,
     bake_tile,
+    close_patches,
     detail_placement,
     grid_faces,
     grid_normals,
@@ -25,9 +29,10 @@ from terrain_forge.model import (
     material_frictions,
     world_friction,
 )
+from terrain_forge.rocks import cells_near_paths
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
-from terrain_forge.writers import write_png
+from terrain_forge.writers import encode_jpeg, write_png
 
 from .layer import define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, bind_friction, define_friction, define_textured
@@ -61,8 +66,32 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
-    bind_materials(stage, mesh, tile, options)
+    near = cells_near_paths(tile, within=options.close_within_m)
+    patches = close_patches(
+        tile, near, within=options.close_within_m, largest=options.texture_pixels
+    )
+    looks = [
+        (patch.cells, write_patch(stage, patch, assets, name, friction.ground)) for patch in patches
+    ]
+    bind_faces(stage, mesh, tile, options, looks)
     save(stage)
+
+
+def write_patch(
+    stage: Usd.Stage, patch: ClosePatch, assets: Path, name: str, friction: float
+) -> UsdShade.Material:
+    """Write the pictures of the ground near a path, and define a material that shows them."""
+    images = {"": patch.texture.rgb, "_normals": patch.texture.normals}
+    files = {kind: f"{name}_close_{patch.number}{kind}.jpg" for kind in images}
+    for kind, pixels in images.items():
+        (assets / files[kind]).write_bytes(encode_jpeg(image_rows(pixels)))
+    path, place = (
+        f"/{name}/Looks/close_{patch.number}",
+        {"scale": patch.scale, "offset": patch.offset},
+    )
+    look = define_textured(stage, path, f"./{files['']}", friction, wrap="clamp", **place)
+    add_normal_map(stage, path, f"./{files['_normals']}")
+    return look
 
 
 def write_horizon(horizon: Horizon, assets: Path) -> None:
@@ -80,23 +109,52 @@ def write_horizon(horizon: Horizon, assets: Path) -> None:
     save(stage)
 
 
-def bind_materials(stage: Usd.Stage, mesh: UsdGeom.Mesh, tile: Tile, options: Options) -> None:
-    """Name the faces of each material of the ground, and give them its friction."""
-    looks, root = tile.world.appearance, stage.GetDefaultPrim().GetPath()
-    if looks.material is None:
-        return
-    frictions = material_frictions(tile.whole, options)
-    cells = looks.material[:-1, :-1].reshape(-1)
-    for number in np.unique(cells[cells > 0]).tolist():
-        name = f"material_{number}"
-        faces = 2 * np.flatnonzero(cells == number)[:, None] + np.arange(2)
+def bind_faces(
+    stage: Usd.Stage,
+    mesh: UsdGeom.Mesh,
+    tile: Tile,
+    options: Options,
+    patches: Sequence[tuple[NDArray[np.int64], UsdShade.Material]] = (),
+) -> None:
+    """Give faces the looks of patches near paths, and the names and frictions of materials.
+
+    Args:
+        stage: The ground's stage.
+        mesh: Its mesh, whose faces are the cells' by twos.
+        tile: The tile.
+        options: Of the export.
+        patches: Cells and their looks; no cell is in two.
+    """
+    cells, looks = tile.ground.shape[0] - 1, tile.world.appearance
+    root, frictions = stage.GetDefaultPrim().GetPath(), material_frictions(tile.whole, options)
+    shown = np.zeros(cells * (tile.ground.shape[1] - 1), np.int64)
+    for number, (some, _) in enumerate(patches, start=1):
+        shown[some] = number
+    made = np.zeros_like(shown)
+    if looks.material is not None:
+        made = looks.material[:-1, :-1].reshape(-1).astype(np.int64)
+    kinds, felt = 1 + int(made.max(initial=0)), dict[int, UsdShade.Material]()
+    subsets = made + kinds * shown  # a face is in one of them
+    order = np.argsort(subsets, kind="stable")
+    found, starts = np.unique(subsets[order], return_index=True)
+    for key, group in zip(found.tolist(), np.split(order, starts[1:]), strict=True):
+        patch, kind = divmod(key, kinds)
+        if key == 0:
+            continue
+        name = "_".join([f"material_{kind}"] * (kind > 0) + [f"close_{patch}"] * (patch > 0))
+        faces = (2 * group[:, None] + np.arange(2)).reshape(-1)
         subset = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset(
-            name, Vt.IntArray.FromNumpy(faces.reshape(-1).astype(np.int32))
+            name, Vt.IntArray.FromNumpy(faces.astype(np.int32))
         )
-        label(subset.GetPrim(), looks.materials[number].name)
-        if number < len(frictions):
-            felt = define_friction(stage, f"{root}/Looks/{name}", frictions[number])
-            bind_friction(subset.GetPrim(), felt)
+        if patch:
+            bind(subset.GetPrim(), patches[patch - 1][1])
+        if kind:
+            label(subset.GetPrim(), looks.materials[kind].name)
+        if 0 < kind < len(frictions):
+            if kind not in felt:
+                path = f"{root}/Looks/material_{kind}"
+                felt[kind] = define_friction(stage, path, frictions[kind])
+            bind_friction(subset.GetPrim(), felt[kind])
 
 
 def fresh_craters(world: World) -> list[Craters]:

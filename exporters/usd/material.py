@@ -18,8 +18,10 @@ def define_textured(
     *,
     wrap: str,
     factor: Sequence[float] = (1.0, 1.0, 1.0),
+    scale: tuple[float, float] = (1.0, 1.0),
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> UsdShade.Material:
-    """A matt material that shows an sRGB image through the texture coordinates `st`.
+    """A matt material that shows an sRGB image at `scale` · st + `offset`.
 
     Without friction it is for the eye alone. Beyond the image's edge lies the image again (`wrap`
     is `repeat`) or its rim (`clamp`); its linear light is multiplied by `factor`.
@@ -38,6 +40,8 @@ def define_textured(
     if tuple(factor) != (1.0, 1.0, 1.0):
         texture.CreateInput("scale", _KINDS.Float4).Set(Gf.Vec4f(*factor, 1.0))
     coordinates = reader.CreateOutput("result", _KINDS.Float2)
+    if (scale, offset) != ((1.0, 1.0), (0.0, 0.0)):
+        coordinates = _laid(stage, f"{path}/image_st", coordinates, scale, offset)
     texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
     colour = texture.CreateOutput("rgb", _KINDS.Float3)
     shader.CreateInput("diffuseColor", _KINDS.Color3f).ConnectToSource(colour)
@@ -57,17 +61,16 @@ def add_normal_map(
     The image is -1 to 1 as 0 to 255, green towards v; it lies at `scale` · st + `offset`, or as the
     material's own image.
     """
-    place = UsdShade.Shader.Get(stage, f"{path}/st")
-    if scale is not None:
-        laid = {"scale": (_KINDS.Float2, Gf.Vec2f(*scale))}
-        laid["translation"] = (_KINDS.Float2, Gf.Vec2f(*offset))
-        reader, place = place, _shader(stage, f"{path}/normals_st", "UsdTransform2d", **laid)
-        place.CreateInput("in", _KINDS.Float2).ConnectToSource(reader.GetOutput("result"))
-        place.CreateOutput("result", _KINDS.Float2)
+    if scale is None:
+        image_st = UsdShade.Shader.Get(stage, f"{path}/image").GetInput("st")
+        place = image_st.GetConnectedSources()[0][0]
+    else:
+        coordinates = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
+        place = _laid(stage, f"{path}/normals_st", coordinates, scale, offset)
     texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
     for name, value in (("scale", (2.0, 2.0, 2.0, 1.0)), ("bias", (-1.0, -1.0, -1.0, 0.0))):
         texture.CreateInput(name, _KINDS.Float4).Set(Gf.Vec4f(*value))
-    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(place.GetOutput("result"))
+    texture.CreateInput("st", _KINDS.Float2).ConnectToSource(place)
     normals = texture.CreateOutput("rgb", _KINDS.Float3)
     surface = UsdShade.Shader.Get(stage, f"{path}/surface")
     surface.CreateInput("normal", _KINDS.Normal3f).ConnectToSource(normals)
@@ -81,6 +84,21 @@ def add_roughness_map(stage: Usd.Stage, path: str, image: str) -> None:
     surface = UsdShade.Shader.Get(stage, f"{path}/surface")
     rough = texture.CreateOutput("r", _KINDS.Float)
     surface.GetInput("roughness").ConnectToSource(rough)
+
+
+def _laid(
+    stage: Usd.Stage,
+    path: str,
+    coordinates: UsdShade.Output,
+    scale: tuple[float, float],
+    offset: tuple[float, float],
+) -> UsdShade.Output:
+    """`scale` · (texture coordinates) + `offset`."""
+    laid = {"scale": scale, "translation": offset}
+    kinds = {name: (_KINDS.Float2, Gf.Vec2f(*value)) for name, value in laid.items()}
+    place = _shader(stage, path, "UsdTransform2d", **kinds)
+    place.CreateInput("in", _KINDS.Float2).ConnectToSource(coordinates)
+    return place.CreateOutput("result", _KINDS.Float2)
 
 
 def define_friction(stage: Usd.Stage, path: str, friction: float) -> UsdShade.Material:

@@ -35,7 +35,7 @@ from terrain_forge.rocks import seen_close
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, bind_materials, fresh_craters, label_craters
+from .ground import DETAIL, bind_faces, fresh_craters, label_craters
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
@@ -112,7 +112,7 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
         add_normal_map(stage, look, f"{_SHARED}/{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), material)
     if level.stride == 1:
-        bind_materials(stage, mesh, tile, options)
+        bind_faces(stage, mesh, tile, options)
     save(stage)
 
 

@@ -13,6 +13,7 @@ from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     LightLevels,
     Lights,
+    close_loss,
     coarse_shape,
     collision_losses,
     detail_loss,
@@ -143,6 +144,7 @@ def _losses(
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
+        *([close_loss(world, options.close_within_m)] if options.close_within_m > 0.0 else []),
         *static_losses(world.field),
         "USD lights have no physical unit: intensities are "
         + (

@@ -3,6 +3,9 @@
 from .beyond import horizon_surface as horizon_surface
 from .beyond import with_horizon_loss as with_horizon_loss
 from .beyond import write_horizon_mesh as write_horizon_mesh
+from .close_ground import ClosePatch as ClosePatch
+from .close_ground import close_loss as close_loss
+from .close_ground import close_patches as close_patches
 from .dome import dome_image as dome_image
 from .dome import dome_level as dome_level
 from .ground_mesh import cell_bands as cell_bands

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import (
+    Mask,
     Record,
     inner,
     kernel,
@@ -24,6 +25,8 @@ from terrain_forge.model import GroundDetail, Heightfield, Tile, World
 from terrain_forge.scene import ground_grain
 
 _STEPS = 4096
+_LEVEL = (128, 128, 255)
+"""The normal of level ground in a picture of normals."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,15 +78,35 @@ def bake_ground(tile: World, *, finer: int) -> GroundTexture:
     A node lies in the middle of its pixels, as `grid_texture_coordinates` has it for any `finer`;
     half a cell beyond the outer nodes the picture goes on with their colour.
     """
-    ground, colours = tile.ground, tile.appearance.ground_rgb
-    rows, columns = ground.shape[0] * finer, ground.shape[1] * finer
+    rows, columns = tile.ground.shape
+    return bake_cells(tile, (0, 0), np.ones((rows - 1, columns - 1), np.bool_), finer=finer)
+
+
+def bake_cells(tile: World, first: tuple[int, int], drawn: Mask, *, finer: int) -> GroundTexture:
+    """Colours and normals of some cells of a tile, as `bake_ground` has them.
+
+    Args:
+        tile: The tile.
+        first: Row and column of the south-western one.
+        drawn: Which of the cells from there on have soil and stones; the others have the colour of
+            a node alone. Shape [rows, columns].
+        finer: Pixels for each node, each way.
+    """
+    row, column = first
+    nodes = np.s_[row : row + drawn.shape[0] + 1, column : column + drawn.shape[1] + 1]
+    ground, looks = tile.ground, tile.appearance.cut(nodes)
+    rows, columns = (finer * (cells + 1) for cells in drawn.shape)
     rgb = np.empty((rows, columns, 3), np.uint8)
     normals = np.empty((rows, columns, 3), np.uint8)
     linear = linear_from_srgb(np.arange(256) / 255.0)
     encoded = np.rint(255.0 * srgb_from_linear((np.arange(_STEPS) / (_STEPS - 1)) ** 2))
-    grid = stage_key(tile.site.seed, "grain"), ground.origin, ground.spacing, finer
-    grain = tile.appearance.grain
-    over_chunks(_bake, rows, *grid, colours, grain, linear, encoded, rgb, normals)
+    origin = (
+        ground.origin[0] + column * ground.spacing,
+        ground.origin[1] + row * ground.spacing,
+    )
+    grid = stage_key(tile.site.seed, "grain"), origin, ground.spacing, finer
+    shown = looks.ground_rgb, looks.grain
+    over_chunks(_bake, rows, *grid, drawn, *shown, linear, encoded, rgb, normals)
     return GroundTexture(rgb=rgb, normals=normals)
 
 
@@ -96,7 +119,7 @@ def _of_node(grain, part, i, j, u, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def _bake(  # type: ignore[no-untyped-def]
-    first, last, key, origin, spacing, finer, colours, grain, linear, encoded, rgb, normals
+    first, last, key, origin, spacing, finer, drawn, colours, grain, linear, encoded, rgb, normals
 ):
     rows, columns, _ = colours.shape
     pixel = spacing / finer
@@ -110,6 +133,11 @@ def _bake(  # type: ignore[no-untyped-def]
             x = min(max(place_x, 0.0), columns - 1.0)
             i = min(np.int64(x), columns - 2)
             u = x - i
+            if not drawn[j, i]:
+                for channel in range(3):
+                    rgb[row, column, channel] = colours[j, i, channel]
+                    normals[row, column, channel] = _LEVEL[channel]
+                continue
             east, north = origin[0] + place_x * spacing, origin[1] + place_y * spacing
             bright, _shade, rise_x, rise_y = ground_grain(
                 key,

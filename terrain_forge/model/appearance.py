@@ -74,6 +74,14 @@ class Appearance(Record):
     """Share of each node that soil laid at rocks covers, 255 for all of it, shape [rows, columns];
     None for none. It has fewer pebbles and is finer than what it lies on."""
 
+    def cut(self, nodes: tuple[slice, slice]) -> Appearance:
+        """That of some rows and columns of nodes."""
+        return self.replace(
+            ground_rgb=self.ground_rgb[nodes],
+            material=None if self.material is None else self.material[nodes],
+            drift=None if self.drift is None else self.drift[nodes],
+        )
+
     @property
     def grain(self) -> NDArray[np.uint8]:
         """Pebbles, roughness and slabs of the nodes, 100 for 1, shape [rows, columns, 3]."""

@@ -118,7 +118,6 @@ class World(Record):
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
         nodes = np.s_[row : row + rows + 1, column : column + columns + 1]
-        looks = self.appearance
         return self.replace(
             window=Window(
                 column=self.window.column + column,
@@ -127,11 +126,7 @@ class World(Record):
                 rows=rows,
             ),
             ground=ground,
-            appearance=looks.replace(
-                ground_rgb=looks.ground_rgb[nodes],
-                material=None if looks.material is None else looks.material[nodes],
-                drift=None if looks.drift is None else looks.drift[nodes],
-            ),
+            appearance=self.appearance.cut(nodes),
             field=everyone.select(own),
             neighbours=everyone.select(near),
             horizon=None,

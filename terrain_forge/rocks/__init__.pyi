@@ -41,6 +41,7 @@ from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
 from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
+from .near_paths import cells_near_paths as cells_near_paths
 from .near_paths import seen_close as seen_close
 from .pebbles import path_pebbles as path_pebbles
 from .pebbles import with_pebbles as with_pebbles

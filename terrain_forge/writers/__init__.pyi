@@ -4,6 +4,7 @@ from .geotiff import write_geotiff as write_geotiff
 from .glb import LARGEST_FILE as LARGEST_FILE
 from .glb import Gltf as Gltf
 from .hdr import encode_hdr as encode_hdr
+from .image import encode_jpeg as encode_jpeg
 from .image import encode_png as encode_png
 from .image import write_png as write_png
 from .log_scale import log_axes as log_axes

@@ -1,0 +1,84 @@
+"""The ground near paths in pictures as fine as a camera at a metre asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Mask
+from terrain_forge.geometry.ground_texture import GroundTexture, bake_cells, finest_texture
+from terrain_forge.model import Tile, World
+
+FINEST = 0.004
+"""Pixels are no finer: a camera of 1 mrad a pixel sees 1 to 4 mm from a metre up [m]."""
+_MOST = 2**24
+"""Pixels beside all paths together: about 7 s of processor time, and 8 MB."""
+_SIDE = 4.0
+"""About how much ground a picture shows, each way [m]."""
+_LARGEST = 4096
+"""Pixels of a picture, each way."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosePatch:
+    """Some cells of a tile's ground, with a picture of their own."""
+
+    number: int
+    """Among the tile's."""
+    cells: NDArray[np.int64]
+    """The cells, row by row from the south-west, shape [cells]."""
+    texture: GroundTexture
+    """Colours and normals; the middles of the outer pixels lie half a cell beyond its nodes."""
+    scale: tuple[float, float]
+    """Its texture coordinates are scale · (u, v) + offset for the tile's, `ground_mesh`'s."""
+    offset: tuple[float, float]
+
+
+def close_pixel(world: World, within: float) -> float:
+    """Size of the pixels of the ground up to `within` [m] from a world's paths [m].
+
+    It is 4 mm, or coarser where that would be more than 2²⁴ of them.
+    """
+    area = 2.0 * within * sum(path.length for path in world.trajectories)
+    return max(FINEST, math.sqrt(area / _MOST))
+
+
+def close_patches(tile: Tile, near: Mask, *, within: float, largest: int) -> Iterator[ClosePatch]:
+    """Pictures of a tile's ground near paths, where they are finer than the tile's own.
+
+    Args:
+        tile: The tile.
+        near: Which of its cells are near, shape [rows, columns].
+        within: How far that is [m].
+        largest: Pixels of the usual picture along the longer side of the whole ground.
+    """
+    spacing = tile.ground.spacing
+    side = max(round(_SIDE / spacing), 1)
+    finer = min(math.ceil(spacing / close_pixel(tile.whole, within)), _LARGEST // (side + 1))
+    if finer <= finest_texture(tile.whole.ground, largest):
+        return
+    rows, columns = tile.ground.shape
+    starts = ((j, i) for j in range(0, rows - 1, side) for i in range(0, columns - 1, side))
+    for number, (row, column) in enumerate(starts):
+        drawn = near[row : row + side, column : column + side]
+        if not drawn.any():
+            continue
+        j, i = np.nonzero(drawn)
+        tall, wide = (cells + 1 for cells in drawn.shape)
+        yield ClosePatch(
+            number=number,
+            cells=(row + j) * (columns - 1) + column + i,
+            texture=bake_cells(tile.world, (row, column), drawn, finer=finer),
+            scale=(columns / wide, rows / tall),
+            offset=(-column / wide, -row / tall),
+        )
+
+
+def close_loss(world: World, within: float) -> str:
+    """How fine the ground near a world's paths is, as a sentence."""
+    pixel = 1000.0 * close_pixel(world, within)
+    return f"Within {within:g} m of paths the ground's texture has pixels of about {pixel:.2g} mm."
