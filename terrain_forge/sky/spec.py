@@ -9,6 +9,7 @@ from typing import Annotated
 from annotated_types import Interval, Len
 
 from terrain_forge.base import Idle, RecipeError, Spec
+from terrain_forge.sky.moments import read_time
 
 _LONGEST = 40
 
@@ -66,7 +67,7 @@ class SunSpec(Spec):
             yield from (Idle(name, why, refused=True) for name in ("azimuth_deg", "elevation_deg"))
 
     def require_sound(self) -> None:
-        """Refuse a place of the Sun beside a date, and and a local time that is none.
+        """Refuse a place of the Sun beside a date, and dates and local times that are none.
 
         Raises:
             RecipeError: if one is given.
@@ -75,6 +76,8 @@ class SunSpec(Spec):
             self.refuse_idle()
         except RecipeError as error:
             raise RecipeError(str(error), key=("sun", *error.key)) from None
+        if self.time is not None:
+            read_time(self.time, key=("sun", "time"))
         if self.ltst is not None and not _is_clock_time(self.ltst):
             raise RecipeError(
                 f'{self.ltst!r} is no time of a day of 24 hours, such as "09:30"',
