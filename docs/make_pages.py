@@ -22,10 +22,12 @@ HERE = Path(__file__).parent
 HEAD = """# The recipe
 
 A recipe is a YAML file with the keys below. It is checked before any data is read; unknown keys are
-refused. Lengths end in `_m`, angles in `_deg`. Paths are relative to the recipe.
-`recipe.schema.json` is the same as JSON Schema: in VS Code, put `# yaml-language-server:
-$schema=…/docs/recipe.schema.json` on the first line. `recipes/hello.yaml` is an example with
-comments. What every number, name and file may be at most stands in [limits](limits.md).
+refused, and so are keys that contradict others. A key that has no effect because of others, such as
+`sky.star_gain` without stars, is told with its line. Lengths end in `_m`, angles in `_deg`. Paths
+are relative to the recipe. `recipe.schema.json` is the same as JSON Schema: in VS Code, put
+`# yaml-language-server: $schema=…/docs/recipe.schema.json` on the first line. `recipes/hello.yaml`
+is an example with comments. What every number, name and file may be at most stands in
+[limits](limits.md).
 
 This page is made from the code by `python docs/make_pages.py`.
 """

@@ -131,17 +131,21 @@ def build(
             raise OutputError("--exchange is for the workers of a --scheduler")
         removed = () if tiling.is_site(out) else building.require_ours(out, force=force)
         orders = building.chosen_exports(recipe, only)
+        draft = making.draft(recipe, folder=folder)
+        recording.require_recordable(recipe, draft.rover)
+        if draft.is_whole:
+            tiling.require_whole(out, workers, scheduler, exchange)
+        elif draft.named.tiles is not None:
+            tiling.require_tiles(draft.named, orders)
         compile_ahead(watch)
-        site = making.plan(recipe, folder=folder, progress=watch)
+        site = making.plan_draft(draft, progress=watch)
         if site.recipe.tiles is not None:
             order = tiling.order_tiles(site, out, orders)
             return tiling.build_tiles(
                 order, watch=watch, workers=workers, scheduler=scheduler, exchange=exchange
             )
         tiling.require_whole(out, workers, scheduler, exchange)
-        rover = rover_of(site)
-        recording.require_recordable(recipe, rover)
-        recording.require_long_enough(site, rover.sensors)
+        recording.require_long_enough(site, draft.rover.sensors)
         require_exports(orders, site)
         expected = building.stage_seconds(site, orders)
         watch.expect(expected)

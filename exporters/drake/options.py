@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import ExportError, NotNegative, Positive, Spec
+from terrain_forge.base import ExportError, Idle, NotNegative, Positive, Spec
 from terrain_forge.geometry import level_of_detail, merge_rocks
 from terrain_forge.model import RockField, World
 
@@ -66,6 +67,11 @@ class Options(Spec):
     dynamic_modulus_pa: Positive = 1.0e8
     """Hydroelastic modulus of dynamic rocks [Pa]: how hard they are. The ground and the static
     rocks are rigid."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        if self.friction is not None:
+            yield Idle("surface", "friction is given")
 
     def merged_error(self, world: World) -> float:
         """The error that outlines of a world's merged rocks may have."""

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError, Spec, portable
+from terrain_forge.base import Idle, RecipeError, Spec, portable
 from terrain_forge.geometry import grid_normals, with_horizon_loss
 from terrain_forge.model import ExportReport, Heightfield, Site, Tile, TileGrid, World, merge
 from terrain_forge.truth import disjoint, rock_rasters
@@ -44,6 +44,11 @@ class Options(Spec):
     the plane that levelling took away are added."""
     cloud_optimized: bool = False
     """Write cloud-optimised GeoTIFFs (COG), with blocks and overviews."""
+
+    def idle(self) -> Iterator[Idle]:
+        """The heights of rasters that hold none."""
+        if not any(_UNITS.get(product) == "m" for product in self.products):
+            yield Idle("heights", "no product holds heights")
 
     def __post_init__(self) -> None:
         for number, product in enumerate(self.products):

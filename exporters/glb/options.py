@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, Positive, Spec
+from terrain_forge.base import Idle, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,3 +51,8 @@ class Options(Spec):
     on down to there."""
     pebbles_within_m: Positive = 2.0
     """How far from a path they lie, at most [m]."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        if self.pebbles_min_m == 0.0:
+            yield Idle("pebbles_within_m", "there are no pebbles; give pebbles_min_m")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, RecipeError, Spec
+from terrain_forge.base import Idle, NotNegative, RecipeError, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,16 +43,20 @@ class Options(Spec):
         """About how many bytes it writes for each node of the ground and each rock."""
         return {"ply": (54, 5500), "stl": (132, 13000), "obj": (263, 17000)}[self.format]
 
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        if self.format != "obj":
+            yield Idle("texture_pixels", f"{self.format} has no textures", refused=True)
+        if self.rocks != "merged":
+            for name in ("finest_min_m", "outline_error"):
+                yield Idle(name, f"it is for rocks: merged, here {self.rocks}", refused=True)
+        if self.rocks != "merged" and self.tiles == "merged":
+            yield Idle("tile_cells", "there are no tiles; choose tiles: tiled", refused=True)
+
     def __post_init__(self) -> None:
         if self.rocks == "objects" and self.format != "obj":
             raise RecipeError(
                 f"{self.format} has no objects; choose format: obj, or rocks: merged",
                 key=("rocks",),
             )
-        if self.format != "obj":
-            self.require_default("texture_pixels", f"{self.format} has no textures")
-        if self.rocks != "merged":
-            for name in ("finest_min_m", "outline_error"):
-                self.require_default(name, f"it is for rocks: merged, here {self.rocks}")
-        if self.rocks != "merged" and self.tiles == "merged":
-            self.require_default("tile_cells", "there are no tiles; choose tiles: tiled")
+        self.refuse_idle()

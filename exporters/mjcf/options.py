@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, Positive, Spec
+from terrain_forge.base import Idle, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,3 +42,8 @@ class Options(Spec):
     sleep: bool = False
     """Whether to set MuJoCo's `sleep` flag: dynamic rocks that lie still then cost next to nothing
     of a step, not 25 µs each; only versions of MuJoCo that know it can load the files then."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        if self.friction is not None:
+            yield Idle("surface", "friction is given")

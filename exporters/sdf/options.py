@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, RecipeError, Spec
+from terrain_forge.base import Idle, NotNegative, RecipeError, Spec
 
 _VERSIONS = {"classic": "1.6", "fortress": "1.9", "garden": "1.10"}
 
@@ -84,11 +85,19 @@ class Options(Spec):
         """Bits of a heightmap's pixels."""
         return self.heightmap_bits or (16 if self.release == "garden" else 8)
 
-    def __post_init__(self) -> None:
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
         if self.flavour == "classic":
-            self.require_default("release", "it is of gz-sim, here the flavour is classic")
+            yield Idle("release", "it is of gz-sim, here the flavour is classic", refused=True)
+            yield Idle("normal_maps", "Gazebo Classic has none")
         if self.ground == "mesh":
-            self.require_default("heightmap_bits", "the ground is a mesh; choose ground: heightmap")
+            why = "the ground is a mesh; choose ground: heightmap"
+            yield Idle("heightmap_bits", why, refused=True)
+        if self.friction is not None:
+            yield Idle("surface", "friction is given")
+
+    def __post_init__(self) -> None:
+        self.refuse_idle()
         if self.binary and self.release != "garden":
             raise RecipeError(
                 "Gazebo Fortress and Classic read no GLB; choose mesh_format: obj, or for newer "

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import NotNegative, Positive, Spec
+from terrain_forge.base import Idle, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,13 @@ class Options(Spec):
     friction: NotNegative | None = None
     """Coulomb friction of ground and static rocks; without it each has its own, by body and
     surface. Dynamic rocks keep what they were settled with."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        if self.pebbles_min_m == 0.0:
+            yield Idle("pebbles_within_m", "there are no pebbles; give pebbles_min_m")
+        if self.friction is not None:
+            yield Idle("surface", "friction is given")
 
 
 def prepare(options: Options) -> None:

@@ -88,6 +88,7 @@ from .specs import ByKind as ByKind
 from .specs import Coordinate as Coordinate
 from .specs import FileName as FileName
 from .specs import Fraction as Fraction
+from .specs import Idle as Idle
 from .specs import InputFile as InputFile
 from .specs import NotNegative as NotNegative
 from .specs import Pair as Pair

@@ -53,7 +53,7 @@ class SimulationError(TerrainForgeError):
 
 
 class RecipeWarning(FutureWarning):
-    """A recipe uses a key by its old name."""
+    """A recipe uses a key by its old name, or one that has no effect."""
 
 
 @contextmanager

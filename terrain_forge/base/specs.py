@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, ClassVar, Literal, Union, get_args
+from dataclasses import MISSING, dataclass, fields
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Union, get_args
 
 from annotated_types import Interval, Len, MinLen, Predicate
 
@@ -112,14 +112,39 @@ def documented() -> Iterator[None]:
         del _CONFIG["use_attribute_docstrings"]
 
 
+class Idle(NamedTuple):
+    """A key that changes nothing, whatever it says, because of what others say or leave out."""
+
+    name: str
+    """Name of the field."""
+    why: str
+    """What of the others makes it so."""
+    refused: bool = False
+    """Whether it contradicts them, so that to give it is an error; else it is worth a warning."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Spec:
     """Base of all recipe parts: unknown keys are refused, no NaN or infinity."""
 
     __pydantic_config__: ClassVar[dict[str, object]] = _CONFIG
 
-    def require_default(self, name: str, why: str) -> None:
-        """Refuse a value of a field that would change nothing."""
-        default = next(field.default for field in fields(self) if field.name == name)
-        if getattr(self, name) != default:
-            raise RecipeError(f"has no effect: {why}", key=(name,))
+    def idle(self) -> Iterator[Idle]:
+        """Its fields that change nothing beside its others; a spec says which, by default none."""
+        return iter(())
+
+    def is_default(self, name: str) -> bool:
+        """Whether a field has its default."""
+        found = next(field for field in fields(self) if field.name == name)
+        made = found.default if found.default_factory is MISSING else found.default_factory()
+        return bool(getattr(self, name) == made)
+
+    def refuse_idle(self) -> None:
+        """Refuse values of fields that contradict others; defaults say nothing.
+
+        Raises:
+            RecipeError: for the first of them.
+        """
+        for name, why, refused in self.idle():
+            if refused and not self.is_default(name):
+                raise RecipeError(f"has no effect: {why}", key=(name,))

@@ -61,7 +61,8 @@ def illumination(
 
     Writes GeoTIFFs: hours of sunlight and of the Earth, ground that is never lit, the horizon all
     around, the part of the Sun that is seen at each moment; a table, pictures, and a film of the
-    shadows. It looks at the DTM, of a recipe at all of it, not at rocks or drawn detail.
+    shadows. It looks at the DTM, of a recipe at all of it and beyond it at the horizon's, not at
+    rocks or drawn detail.
     """
     from terrain_forge.base import resolved
     from terrain_forge.building import require_apart
@@ -88,7 +89,10 @@ def illumination(
             display("plan")
             site = plan(file.recipe, folder=file.folder, by_night=True, progress=display)
             dtm = file.recipe.dtm
-            source = Source(dtm=dtm, folder=file.folder) if isinstance(dtm, RasterDtm) else None
+            beyond = None if file.recipe.horizon.reach_m == 0.0 else file.recipe.horizon.dtm
+            source = None
+            if isinstance(dtm, RasterDtm):
+                source = Source(dtm=dtm, folder=file.folder, beyond=beyond)
             lines = illuminate(site, source, target, wish, progress=display, **how)
     for line in lines:
         say(line)

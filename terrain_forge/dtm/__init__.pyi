@@ -37,6 +37,7 @@ from .projection import scale_error as scale_error
 from .projection import transform as transform
 from .projection import wrap_around as wrap_around
 from .raster import files_of_raster as files_of_raster
+from .raster import ground_steps as ground_steps
 from .raster import open_dataset as open_dataset
 from .raster import open_raster as open_raster
 from .raster import read_image as read_image
@@ -46,6 +47,7 @@ from .spec import Centre as Centre
 from .spec import FlatDtm as FlatDtm
 from .spec import HorizonSpec as HorizonSpec
 from .spec import RasterDtm as RasterDtm
+from .wide import NOWHERE as NOWHERE
 from .wide import holes as holes
 from .wide import lay_out as lay_out
 from .wide import raster_bounds as raster_bounds

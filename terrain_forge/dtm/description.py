@@ -106,12 +106,20 @@ class _Values:
         return "" if self.whole else " in the pieces looked at"
 
 
+def _lengths(error: float) -> str:
+    """How true a site's lengths are, off by a fraction at its edge."""
+    millimetres = 1e6 * error  # in a kilometre
+    if millimetres < 0.1:
+        return "true throughout, to 0.1 mm in a kilometre"
+    told = f"{float(f'{millimetres:.1g}'):g}"
+    return f"true in the middle, off by {told} mm in a kilometre at the edge"
+
+
 def site_facts(site: Site) -> list[str]:
     """Lines that say what became of the DTM of a site that is planned."""
     facts = []
     if site.crs:
-        error = 1e6 * scale_error(site.crs, site.size)
-        facts.append(f"lengths      true in the middle, {error:.2g} in a million off at the edge")
+        facts.append(f"lengths      {_lengths(scale_error(site.crs, site.size))}")
     if site.dtm is not None:
         rows, columns = site.dtm.heights.shape
         facts.append(f"context      {columns} × {rows} samples of {_metres(site.dtm.posting)}")

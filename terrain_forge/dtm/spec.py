@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -10,6 +11,7 @@ from annotated_types import Ge, Gt, Interval, MinLen, Predicate
 
 from terrain_forge.base import (
     Coordinate,
+    Idle,
     InputFile,
     NotNegative,
     Pair,
@@ -94,6 +96,11 @@ class RasterDtm(Spec):
     height_offset_m: Coordinate | None = None
     """Height of the value 0 [m], instead of what the file declares."""
 
+    def idle(self) -> Iterator[Idle]:
+        """What the extent reaches to, where there is none."""
+        if self.extent_m is None:
+            yield Idle("pixel_is", "it is for a raster without georeference, give its extent_m")
+
     @property
     def name(self) -> str:
         """What the terrain model is called."""
@@ -140,3 +147,8 @@ class HorizonSpec(Spec):
     without it to the true horizon, 0 for nothing."""
     rocks_m: Annotated[float, Interval(ge=0, le=500)] = 50.0
     """How far from the border rocks lie, by the law of each population, as simple shapes [m]."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What would lie beyond the site where nothing shall."""
+        if self.reach_m == 0.0:
+            yield from (Idle(name, "reach_m: 0 leaves nothing") for name in ("dtm", "rocks_m"))

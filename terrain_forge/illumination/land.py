@@ -17,6 +17,7 @@ from terrain_forge.dtm import (
     raster_bounds,
     read_wide,
 )
+from terrain_forge.illumination.beyond import go_on, held
 from terrain_forge.illumination.horizon import Relief
 from terrain_forge.model import Heightfield, Site
 from terrain_forge.recipe import machine_memory
@@ -37,6 +38,8 @@ class Source:
     """The recipe's."""
     folder: Path
     """What its paths are relative to."""
+    beyond: str | None = None
+    """The second DTM that goes on where that one ends, as the recipe's `horizon` names it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,12 +96,17 @@ def find_land(
     _require_memory(size, spacing, bytes_each)
     nodes = _map(size, spacing)
     grids = _grids(site, source, size, posting, reach)
+    own = grids[0]  # where the site's own DTM has no height nothing is told
+    if source is None:
+        grids = held(grids, site, reach)
+    elif source.beyond is not None:
+        grids = go_on(grids, site, dtm=source.beyond, folder=source.folder, reach=reach)
     radius = site.body.mean_radius
     east, north = np.meshgrid(nodes.east, nodes.north)
     near = grids[0]
     if not near.covers(east, north).all():
         raise _beyond(size, near.bounds)
-    missing = _near_holes(near, east, north)
+    missing = _near_holes(own, east, north)
     heights = np.where(missing, 0.0, near.height_at(east, north))
     level = heights - (east**2 + north**2) / (2.0 * radius) + height
     reliefs = tuple(Relief.of(_curved(grid, radius)) for grid in grids)

@@ -146,6 +146,8 @@ def illuminate(
             "from": utc_text(begin),
             "to": utc_text(end),
             "step_h": step / timedelta(hours=1),
+            "map_m": [round(side, 6) for side in _sides(land)],
+            "spacing_m": land.grid.spacing,
             "looked": land.told,
             "observers_m": wish.height,
         }
@@ -155,12 +157,30 @@ def illuminate(
         write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
     heading = (
         *([f"removed from {out}: {', '.join(told_files(removed))}"] if removed else []),
-        f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; looked {land.told}",
+        f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; {_map_told(land, wish)}; "
+        f"looked {land.told}",
         f"sunlight {light.sunlight.mean():.4g} h of {hours:.4g} h on average, "
         f"{light.sunlight.min():.4g} to {light.sunlight.max():.4g} h; "
         f"{100 * light.never.mean():.3g} % of the ground is never lit",
     )
     return [*heading, *lines]
+
+
+def _sides(land: Land) -> tuple[float, float]:
+    """East and north extent of a map [m]."""
+    west, south, east, north = land.grid.bounds
+    return east - west, north - south
+
+
+def _map_told(land: Land, wish: Wish) -> str:
+    """How large a map is, and that this is not what was wished where the spacing does not fit."""
+    east, north = _sides(land)
+    told = f"map {east:g} × {north:g} m, a point each {land.grid.spacing:g} m"
+    if wish.size is None or all(
+        abs(a - b) <= 1e-6 * b for a, b in zip((east, north), wish.size, strict=True)
+    ):
+        return told
+    return f"{told} (nearest to {wish.size[0]:g} × {wish.size[1]:g} m)"
 
 
 def _write(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Progress, reading, silent
 from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
 from terrain_forge.making.lighting import light_of
-from terrain_forge.model import BODIES, Site
+from terrain_forge.model import BODIES, Body, Route, Rover, Site, Table
 from terrain_forge.paths import plan_routes
 from terrain_forge.recipe import (
     InputFiles,
@@ -46,6 +46,85 @@ from terrain_forge.terrain import (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """A recipe that was checked as far as it goes without heights."""
+
+    recipe: Recipe
+    """It, with laws and diameters written out; files by their paths."""
+    named: Recipe
+    """The same as the world keeps it, files by names without a place; in `tiles` where it must."""
+    folder: Path
+    """What its paths are relative to."""
+    body: Body
+    """Its body."""
+    rover: Rover
+    """Its rover with its sensors."""
+    rover_files: tuple[Path, ...]
+    """The rover's own files; none of a built-in one."""
+    inputs: InputFiles
+    """The files that it names."""
+    tables: dict[str, Table]
+    """The tables among them, by name."""
+    lists: tuple[Table, ...]
+    """Those that list rocks."""
+    routes: tuple[Route, ...]
+    """The routes that are known before the ground."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it surely is built as one: rocks at craters of a layer count when those lie."""
+        found = any(
+            getattr(population.arrangement, "layer", None) is not None
+            for population in self.recipe.rocks.populations
+        )
+        return self.named.tiles is None and not found
+
+
+def draft(recipe: Recipe, *, folder: Path | str = ".") -> Draft:
+    """Check a recipe as far as it goes without its heights: a moment, and no kernel is needed.
+
+    Args:
+        recipe: what to make.
+        folder: what the recipe's paths are relative to.
+
+    Raises:
+        RecipeError, DataError: if it cannot be built.
+    """
+    folder = Path(folder)
+    recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
+    if isinstance(recipe.dtm, RasterDtm):
+        recipe = replace(recipe, dtm=expanded(recipe.dtm))
+    inputs = InputFiles(recipe, folder)
+    found = resolve_rover(recipe.rover, folder)
+    rover = with_sensors(found.rover, recipe.sensors, frames=found.frames)
+    size = recipe.dtm.size_m
+    require_paths(recipe)
+    require_centre(recipe)
+    require_lattice(recipe)
+    recipe.sun.require_sound()
+    recipe = resolve(recipe, inputs)
+    named = inputs.portable(recipe)
+    check_rocks(recipe.rocks, size)
+    require_dynamic(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
+    inputs.require()
+    tables = {table.path: table for table in inputs.tables()}
+    lists = tuple(tables[spec.file] for spec in named.rocks.lists)
+    check_lists(recipe.rocks, lists, size=size)
+    return Draft(
+        recipe=recipe,
+        named=in_tiles(named, listed=sum(len(table.values) for table in lists)),
+        folder=folder,
+        body=BODIES[recipe.body],
+        rover=rover,
+        rover_files=found.files,
+        inputs=inputs,
+        tables=tables,
+        lists=lists,
+        routes=plan_routes(recipe, rover, folder),
+    )
+
+
 def plan(
     recipe: Recipe,
     *,
@@ -71,28 +150,23 @@ def plan(
             shape cannot be cut up as closely as its library wants, closer than usual, is not known
             before the library is made, which is the first work.
     """
-    folder = Path(folder)
-    recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
-    if isinstance(recipe.dtm, RasterDtm):
-        recipe = replace(recipe, dtm=expanded(recipe.dtm))
-    inputs = InputFiles(recipe, folder)
-    body, found = BODIES[recipe.body], resolve_rover(recipe.rover, folder)
-    rover = with_sensors(found.rover, recipe.sensors, frames=found.frames)
-    size = recipe.dtm.size_m
-    require_paths(recipe)
-    require_centre(recipe)
-    require_lattice(recipe)
-    recipe.sun.require_sound()
-    recipe = resolve(recipe, inputs)
-    named = inputs.portable(recipe)
-    check_rocks(recipe.rocks, size)
-    require_dynamic(recipe.rocks.populations, size=size, spacing=recipe.terrain.spacing_m)
-    inputs.require()
-    tables = {table.path: table for table in inputs.tables()}
-    lists = tuple(tables[spec.file] for spec in named.rocks.lists)
-    check_lists(recipe.rocks, lists, size=size)
-    named = in_tiles(named, listed=sum(len(table.values) for table in lists))
-    routes = plan_routes(recipe, rover, folder)
+    drafted = draft(recipe, folder=folder)
+    return plan_draft(drafted, heights=heights, by_night=by_night, progress=progress)
+
+
+def plan_draft(
+    draft: Draft,
+    *,
+    heights: NDArray[np.float64] | None = None,
+    by_night: bool = False,
+    progress: Progress = silent,
+) -> Site:
+    """The rest of `plan`, whose arguments these are: read the heights and fix the site.
+
+    Raises:
+        RecipeError, DataError: as `plan`.
+    """
+    recipe, folder, body, inputs = draft.recipe, draft.folder, draft.body, draft.inputs
     with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
         here, fetched = recipe.dtm, {}
         if isinstance(here, RasterDtm) and here.source is None:
@@ -110,7 +184,7 @@ def plan(
         name=recipe.name,
         seed=recipe.seed,
         body=body,
-        size=size,
+        size=recipe.dtm.size_m,
         spacing=recipe.terrain.spacing_m,
         crs=ground.crs,
         lonlat=ground.lonlat,
@@ -119,15 +193,17 @@ def plan(
         dtm=ground.dtm,
         roughness=ground.roughness,
         surroundings=ground.surroundings,
-        largest_rock=largest_rock(recipe.rocks, lists),
+        largest_rock=largest_rock(recipe.rocks, draft.lists),
         images=inputs.images(),
-        tables=tuple(tables.values()),
+        tables=tuple(draft.tables.values()),
         meshes=inputs.meshes(),
-        inputs=inputs.hashes(patch=ground.dtm, rover_files=found.files, fetched=fetched),
-        custom_rover=rover if found.files else None,
-        routes=routes,
-        exclusion_zones=exclusion_zones(recipe.rocks.exclusion_zones, routes=routes, rover=rover),
-        recipe_json=recipe_json(named),
+        inputs=inputs.hashes(patch=ground.dtm, rover_files=draft.rover_files, fetched=fetched),
+        custom_rover=draft.rover if draft.rover_files else None,
+        routes=draft.routes,
+        exclusion_zones=exclusion_zones(
+            recipe.rocks.exclusion_zones, routes=draft.routes, rover=draft.rover
+        ),
+        recipe_json=recipe_json(draft.named),
     )
     require_straight(site)
     if not by_night:
@@ -144,10 +220,10 @@ def plan(
     site = _with_found_craters(site)
     populations = site.recipe.rocks.populations
     require_place(populations, site)
-    wanted = site.recipe.rocks.library
-    check_packing(populations, size, partial(find_library, wanted.sample(), custom=site.meshes))
+    wanted, meshes = site.recipe.rocks.library, site.meshes
+    check_packing(populations, site.size, partial(find_library, wanted.sample(), custom=meshes))
     if (doubtful := wanted.doubtful()) is not None:
-        find_library(doubtful, custom=site.meshes)
+        find_library(doubtful, custom=meshes)
     return site
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import BY_KIND, Fraction, NotNegative, Record, Spec
+from terrain_forge.base import BY_KIND, Fraction, Idle, NotNegative, Record, Spec
 
 Gain = Annotated[float, Interval(ge=0.01, le=1000)]
 ShutterTime = Annotated[float, Interval(ge=1e-7, le=100)]
@@ -108,6 +109,13 @@ class LensFlare(Record, Spec):
     """Part of the light that goes into the rays of the star."""
     blades: Annotated[int, Interval(ge=3, le=32)] = 6
     """Blades of the aperture, which give ghosts their corners and the star its rays."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What is of ghosts and stars that there are none of."""
+        if self.ghosts == 0:
+            yield Idle("ghost_strength", "there are no ghosts")
+        if self.ghosts == 0 and self.star == 0.0:
+            yield Idle("blades", "there are neither ghosts nor a star")
 
 
 BrightnessOffAxis = tuple[

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Union
 
 from annotated_types import Ge, Interval, Le, MinLen
 
-from terrain_forge.base import ByKind, FileName, InputFile, NotNegative, Pair, Positive, Spec, parts
+from terrain_forge.base import (
+    ByKind,
+    FileName,
+    Idle,
+    InputFile,
+    NotNegative,
+    Pair,
+    Positive,
+    Spec,
+    parts,
+)
 from terrain_forge.paths.named_shape import NamedShape
 
 
@@ -61,6 +72,11 @@ class Recorded(Spec):
     turn_deg: Annotated[float, Interval(ge=-360, le=360)] = 0.0
     """How far the file's axes are turned anticlockwise [degrees]."""
 
+    def idle(self) -> Iterator[Idle]:
+        """What is for a path at a speed of its own."""
+        if self.timing == "recorded":
+            yield from (Idle(name, "it is for timing: speed") for name in ("closed", "spacing_m"))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Planned(Spec):
@@ -105,6 +121,11 @@ class Shake(Spec):
     """RMS of each angle [degrees]."""
     cutoff_hz: Positive = 2.0
     """Highest frequency in it [Hz]; at most half the path's rate."""
+
+    def idle(self) -> Iterator[Idle]:
+        """The frequencies of no vibration."""
+        if self.rms_deg == 0.0:
+            yield Idle("cutoff_hz", "nothing vibrates; give rms_deg")
 
 
 @dataclass(frozen=True, kw_only=True)

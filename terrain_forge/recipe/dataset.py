@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import FileName, NotNegative, Positive, Spec
+from terrain_forge.base import FileName, Idle, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,11 @@ class DatasetSpec(Spec):
     profile: Literal["full", "quick"] = "full"
     """`quick` records a first look: pictures of half the size, few and without truth channels, and
     fewer sweeps."""
+
+    def idle(self) -> Iterator[Idle]:
+        """Where pebbles would lie that there are none of, and the start of a path not followed."""
+        if self.pebbles_min_m == 0.0:
+            yield Idle("pebbles_within_m", "there are no pebbles; give pebbles_min_m")
 
     def gravity(self, own: float) -> float:
         """What is felt [m/s²] on a body of some gravity."""

@@ -27,6 +27,7 @@ from terrain_forge.base import (
     dotted,
     read_text,
 )
+from terrain_forge.recipe.idle import idle_keys, remove_idle, warn_idle
 from terrain_forge.recipe.renames import current_key, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter
 
@@ -102,6 +103,7 @@ def load_recipe(
         warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new, above=3)
         for key in [key for key in lines if key[: len(old)] == old]:
             lines[*new, *key[len(new) :]] = lines.pop(key)
+    plain = deepcopy(data) if changes else None
     for change in changes:
         key = _apply(data, change)
         lines = {known: line for known, line in lines.items() if known[: len(key)] != key}
@@ -110,13 +112,46 @@ def load_recipe(
         recipe = adapter().validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         raise RecipeError(_explain(path, lines, data, error)) from None
+    _tell_idle(path, recipe, data, lines, plain)
     return RecipeFile(path=path, recipe=recipe, lines=lines)
+
+
+def _tell_idle(path: Path, recipe: Recipe, data: Any, lines: Lines, plain: Any) -> None:
+    """Refuse keys that contradict others, and warn of others that have no effect.
+
+    Of the file's own keys not of those that the command line leaves without one: that is what
+    switching things off does.
+
+    Args:
+        path: The file.
+        recipe: What was read.
+        data: The plain data of that.
+        lines: Where the keys stand.
+        plain: What the file says without the command line; None where that adds nothing.
+    """
+    found = sorted(idle_keys(recipe, data), key=lambda one: not one.refused)
+    if not found:
+        return
+    known = {one.key for one in found}
+    if plain is not None:
+        try:
+            alone = adapter().validate_json(json.dumps(plain, default=str), strict=True)
+            known = {one.key for one in idle_keys(alone, plain)}
+        except ValidationError:
+            known = set()
+    for key, why, refused in found:
+        told = _locate(path, lines, key, f"has no effect: {why}")
+        if refused:
+            raise RecipeError(told)
+        if key in known or not told.startswith(f"{path}:"):
+            warn_idle(told)
 
 
 def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     """Write a recipe as YAML that `load_recipe` reads back equal; returns the file.
 
-    All keys are written, defaults too. The paths in it are relative to the folder that it is in.
+    All keys are written, defaults too but for those that have no effect. The paths in it are
+    relative to the folder that it is in.
 
     Raises:
         OutputError: if the file cannot be written.
@@ -128,7 +163,7 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     yaml.allow_unicode, yaml.width = True, 100
     try:
         with path.open("w", encoding="utf-8") as file:
-            yaml.dump(json.loads(adapter().dump_json(recipe)), file)
+            yaml.dump(remove_idle(recipe, json.loads(adapter().dump_json(recipe))), file)
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror}") from None
     return path

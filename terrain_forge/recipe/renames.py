@@ -70,7 +70,7 @@ def current_key(data: Any, key: Key) -> Key:
             fits = len(where) == len(now) and all(
                 w in ("*", str(s)) for w, s in zip(where, now, strict=True)
             )
-            if fits and step == rename.old and _is_kind(rename, now, _find(data, now)):
+            if fits and step == rename.old and _is_kind(rename, now, value_at(data, now)):
                 step = rename.new
         now = (*now, step)
     return now
@@ -119,11 +119,11 @@ def _mappings(data: Any, where: tuple[str, ...]) -> Iterator[tuple[Key, dict[str
         steps = [*data] if isinstance(data, dict) else []
         steps = [*range(len(data))] if isinstance(data, list) else steps
     for step in steps:
-        for place, found in _mappings(_find(data, (step,)), where[1:]):
+        for place, found in _mappings(value_at(data, (step,)), where[1:]):
             yield (step, *place), found
 
 
-def _find(data: Any, key: Key) -> Any:
+def value_at(data: Any, key: Key) -> Any:
     """What stands at a key; None where nothing does."""
     for step in key:
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +54,15 @@ class Order:
         if self.workers is not None and self.workers < 1:
             raise OutputError(f"--workers {self.workers}: at least 1")
 
+    def require_named(self, rig: Sequence[Sensor]) -> None:
+        """Refuse names of sensors that a rig does not carry; a kind may yet not be measured.
+
+        Raises:
+            OutputError: for the name of no sensor.
+        """
+        simple = [part.name for sensor in rig for part in sensor.simple]
+        self._require_named([*simple, *(sensor.name for sensor in rig)])
+
     def chosen(self, folders: Sequence[Folder], rig: Sequence[Sensor]) -> tuple[Folder, ...]:
         """The folders of the sensors that are asked for; a stereo pair's name stands for both.
 
@@ -63,14 +72,18 @@ class Order:
         parts = {one.sensor.name: (one.sensor.name,) for one in folders}
         pairs = {s.name: tuple(part.name for part in s.simple if part.name in parts) for s in rig}
         known = {name: of for name, of in {**parts, **pairs}.items() if of}
+        self._require_named(known)
+        wanted = {part for name in self.only or known for part in known[name]}
+        return tuple(one for one in folders if one.sensor.name in wanted)
+
+    def _require_named(self, known: Collection[str]) -> None:
         for name in self.only:
             if name not in known:
                 raise OutputError(
                     f"--only {name}: no sensor that is recorded is called so"
-                    f"{hint_at(name, known)}, there are: {', '.join(known) or 'none'}"
+                    f"{hint_at(name, known)}, there are: "
+                    f"{', '.join(dict.fromkeys(known)) or 'none'}"
                 )
-        wanted = {part for name in self.only or known for part in known[name]}
-        return tuple(one for one in folders if one.sensor.name in wanted)
 
     def require_some(self, folders: Sequence[Folder], motion: Motion) -> None:
         """Refuse a time in which there is no motion, or a sensor measures nothing.

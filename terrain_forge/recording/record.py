@@ -73,7 +73,9 @@ def record_dataset(
     spec = with_path(world, checked(spec))
     formats = formats_of(spec)
     folder = dataset_folder(out)
-    plan = plan_of(with_rig(world, spec), spec)
+    rigged = with_rig(world, spec)
+    order.require_named(rigged.rover.sensors)
+    plan = plan_of(rigged, spec)
     differing = differences(folder, plan)
     if not order.force:
         require_same(folder, differing)

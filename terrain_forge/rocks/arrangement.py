@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, pi
 from typing import Annotated, Literal
@@ -10,7 +11,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import BY_KIND, Array, FileName, Pair, Positive, Spec, portable
+from terrain_forge.base import BY_KIND, Array, FileName, Idle, Pair, Positive, Spec, portable
 
 RIM_FALL = 0.7
 """Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.
@@ -105,6 +106,11 @@ class AroundCraters(Spec):
     """Instead: name of a layer of craters (`craters` where it has none of its own)."""
     smallest_crater_m: Positive = 10.0
     """Diameter [m] of the layer's smallest craters that have rocks, since they dig deep enough."""
+
+    def idle(self) -> Iterator[Idle]:
+        """Which craters of a layer, where they are listed one by one."""
+        if self.layer is None:
+            yield Idle("smallest_crater_m", "it is for craters of a layer")
 
     def __post_init__(self) -> None:
         if bool(self.craters) == (self.layer is not None):

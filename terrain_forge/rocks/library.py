@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import platform
 import tempfile
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import (
     Array,
     DataError,
+    Idle,
     InputFile,
     Spec,
     cache_folder,
@@ -101,6 +103,11 @@ class LibrarySpec(Spec):
     hull_distance: Annotated[float, Interval(ge=0.1, le=1)] = 0.15
     """How far the surface of the collision parts may be from the shape's anywhere (Hausdorff
     distance), as a part of its mean axis."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What is for shapes that are made, where there are none."""
+        if self.shapes == 0:
+            yield from (Idle(name, "shapes: 0 makes none") for name in ("seed", "families"))
 
     def sample(self) -> LibrarySpec:
         """As many shapes as tell how they can be packed, none cut up: more would take minutes."""

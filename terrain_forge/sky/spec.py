@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Interval, Len
 
-from terrain_forge.base import RecipeError, Spec
+from terrain_forge.base import Idle, RecipeError, Spec
+from terrain_forge.sky.moments import read_time
 
 _LONGEST = 40
 
@@ -58,19 +60,24 @@ class SunSpec(Spec):
         parts = [int(part) for part in self.ltst.split(":")]
         return sum(part / unit for part, unit in zip(parts, (24, 1440, 86_400), strict=False))
 
+    def idle(self) -> Iterator[Idle]:
+        """A place of the Sun beside a date."""
+        if self.by_date:
+            why = "time, ls_deg or ltst tell where the Sun stands"
+            yield from (Idle(name, why, refused=True) for name in ("azimuth_deg", "elevation_deg"))
+
     def require_sound(self) -> None:
-        """Refuse a place of the Sun beside a date, and a local time that is none.
+        """Refuse a place of the Sun beside a date, and dates and local times that are none.
 
         Raises:
             RecipeError: if one is given.
         """
-        if self.by_date:
-            why = "time, ls_deg or ltst tell where the Sun stands"
-            for name in ("azimuth_deg", "elevation_deg"):
-                try:
-                    self.require_default(name, why)
-                except RecipeError as error:
-                    raise RecipeError(str(error), key=("sun", name)) from None
+        try:
+            self.refuse_idle()
+        except RecipeError as error:
+            raise RecipeError(str(error), key=("sun", *error.key)) from None
+        if self.time is not None:
+            read_time(self.time, key=("sun", "time"))
         if self.ltst is not None and not _is_clock_time(self.ltst):
             raise RecipeError(
                 f'{self.ltst!r} is no time of a day of 24 hours, such as "09:30"',
@@ -90,3 +97,8 @@ class SkySpec(Spec):
     star_gain: Annotated[float, Interval(gt=0, le=1e7)] = 3e4
     """How much brighter than they are stars are shown. At 1, as they are, none is bright enough to
     show beside ground in the Sun."""
+
+    def idle(self) -> Iterator[Idle]:
+        """The brightness of stars that there are none of."""
+        if not self.stars:
+            yield Idle("star_gain", "no stars are shown; choose stars: true")

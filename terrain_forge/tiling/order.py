@@ -29,8 +29,8 @@ from terrain_forge.base import (
     software,
     to_plain,
 )
-from terrain_forge.model import USUAL_CELLS, Export, Site, TileGrid, plain_options, sensor_kinds
-from terrain_forge.recipe import ExportOrder
+from terrain_forge.model import Export, Site, TileGrid, plain_options, sensor_kinds
+from terrain_forge.recipe import ExportOrder, Recipe, tile_cells
 from terrain_forge.rocks import bank_reach, find_library, rock_margin
 from terrain_forge.terrain import stencil_reach
 
@@ -89,12 +89,12 @@ def require_whole(
         )
 
 
-def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrder:
-    """Check that a site can be built in tiles.
+def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
+    """Refuse what a recipe in tiles cannot have, before its heights are read.
 
     Raises:
-        RecipeError: for tiles that are no whole number of cells or smaller than what lies in them,
-            an export that is not made tile by tile, or what needs the whole site.
+        RecipeError: for tiles that are no whole number of cells, an export that is not made tile
+            by tile, or what needs the whole site.
     """
     for order in orders:
         if not hasattr(order.exporter, "export_tile"):
@@ -103,7 +103,31 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
                 "out, and take a part of the built site with `terrain-forge cut`",
                 key=("exports", order.folder),
             )
-    _require_no_whole(site)
+    if recipe.validate is not None and recipe.validate.drives:
+        raise RecipeError(
+            "drives from random starts are for one world: leave it out, and drive in a part that "
+            "`terrain-forge cut` takes",
+            key=("validate", "drives"),
+        )
+    if recipe.tiles is not None and recipe.tiles.size_m is not None:
+        size, spacing = recipe.tiles.size_m, recipe.terrain.spacing_m
+        exact, cells = size / spacing, tile_cells(recipe)
+        if cells < 2 or abs(exact - cells) > 1e-6 * cells:
+            nearest = max(cells, 2) * spacing
+            raise RecipeError(
+                f"{size:g} m is not a whole number (2 or more) of cells of {spacing:g} m; "
+                f"{nearest:g} m would be",
+                key=("tiles", "size_m"),
+            )
+
+
+def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrder:
+    """Check that a site can be built in tiles.
+
+    Raises:
+        RecipeError: as `require_tiles`, or for tiles smaller than what lies in them.
+    """
+    require_tiles(site.recipe, orders)
     grid = TileGrid.of(site, _cells(site))
     exports = tuple(
         Export(folder=order.folder, kind=order.kind, options=plain_options(order.options))
@@ -112,31 +136,9 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
     return TileOrder(out=out, site=site, grid=grid, exports=exports)
 
 
-def _require_no_whole(site: Site) -> None:
-    validate = site.recipe.validate
-    if validate is not None and validate.drives:
-        raise RecipeError(
-            "drives from random starts are for one world: leave it out, and drive in a part that "
-            "`terrain-forge cut` takes",
-            key=("validate", "drives"),
-        )
-
-
 def _cells(site: Site) -> int:
     """Cells of a tile each way."""
-    tiles, key = site.recipe.tiles, ("tiles", "size_m")
-    if tiles is None or tiles.size_m is None:
-        cells = USUAL_CELLS
-    else:
-        exact = tiles.size_m / site.spacing
-        cells = round(exact)
-        if cells < 2 or abs(exact - cells) > 1e-6 * cells:
-            nearest = max(cells, 2) * site.spacing
-            raise RecipeError(
-                f"{tiles.size_m:g} m is not a whole number (2 or more) of cells of "
-                f"{site.spacing:g} m; {nearest:g} m would be",
-                key=key,
-            )
+    cells = tile_cells(site.recipe)
     rocks, layers = site.recipe.rocks, site.recipe.terrain.layers
     library = find_library(rocks.library, custom=site.meshes)
     margin = rock_margin(
@@ -152,7 +154,7 @@ def _cells(site: Site) -> int:
         raise RecipeError(
             f"tiles of {cells * site.spacing:g} m are smaller than {what}, {reach:.3g} m: choose "
             "larger ones, or smaller rocks",
-            key=key,
+            key=("tiles", "size_m"),
         )
     return cells
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import Coordinate, Positive
+from terrain_forge.base import Coordinate, Idle, Positive
 from terrain_forge.model.camera_parts import (
     AnyExposure,
     AutoExposure,
@@ -125,6 +125,13 @@ class CameraSensor(Sensor):
     depth_factor: Positive | None = 1000.0
     """Values of a depth image for a metre: 16 bits reach to 65.535 m at 1000, what is farther is 0;
     null writes 32-bit floats as .npy instead."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other figures of it."""
+        if self.focal_px is not None:
+            yield Idle("horizontal_fov_deg", "focal_px is given")
+        if "depth" not in self.channels:
+            yield Idle("depth_factor", "depth is not among the channels")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval, Len
 
-from terrain_forge.base import Array, Fraction, NotNegative
+from terrain_forge.base import Array, Fraction, Idle, NotNegative
 from terrain_forge.model.lidar_presets import LIDAR_PRESETS
 from terrain_forge.model.sensor import Angle, Form, Near, Sdf, Sensor, Topic, white_noise
 
@@ -113,17 +113,24 @@ class LidarSensor(Sensor):
             )
         if beams * self.columns > _MOST:
             raise ValueError(f"a sweep has more than {_MOST} points")
-        idle = {
-            "channels": ("beside elevations_deg", bool(self.elevations_deg)),
-            "vertical_fov_deg": ("beside elevations_deg", bool(self.elevations_deg)),
-            "horizontal_samples": ("beside firing_period_us", period > 0.0),
-            "prism_deviations_deg": ("without prism_rpm", self.prism_rpm is None),
-            "returns": ("without divergence_mrad", self.divergence_mrad == 0.0),
-            "echo_separation_m": ("without divergence_mrad", self.divergence_mrad == 0.0),
-        }
-        for name, (where, is_idle) in idle.items():
-            if is_idle and getattr(self, name) != getattr(LidarSensor, name):
-                raise ValueError(f"{name} has no effect {where}")
+        for name, why, _ in self.idle():
+            if not self.is_default(name):
+                raise ValueError(f"{name} has no effect: {why}")
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other figures of it."""
+        given = "{} is given".format
+        if self.elevations_deg:
+            yield Idle("channels", given("elevations_deg"), refused=True)
+            yield Idle("vertical_fov_deg", given("elevations_deg"), refused=True)
+        if self.firing_period_us > 0.0:
+            yield Idle("horizontal_samples", given("firing_period_us"), refused=True)
+        if self.prism_rpm is None:
+            yield Idle("prism_deviations_deg", "there is no prism_rpm", refused=True)
+        if self.divergence_mrad == 0.0:
+            why = "beams are lines; give divergence_mrad"
+            yield Idle("returns", why, refused=True)
+            yield Idle("echo_separation_m", why, refused=True)
 
     @property
     def elevations(self) -> Array:

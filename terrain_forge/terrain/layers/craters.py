@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, Union
 
@@ -13,6 +14,7 @@ from terrain_forge.base import (
     Array,
     DataError,
     FileName,
+    Idle,
     InputFile,
     Key,
     Positive,
@@ -95,6 +97,11 @@ class CraterLayer(Layer):
     airless bodies; it fades with age (to 1/e in 50·10⁶ years) and is less for smaller craters."""
     diffusivity_m2_per_myr: Annotated[float, Interval(ge=0, le=1000)] | None = None
     """How fast craters wear [m²/10⁶ years]; by default so that equilibrium holds. 0: not at all."""
+
+    def idle(self) -> Iterator[Idle]:
+        """How bright ejecta are that there are none of."""
+        if not self.ejecta:
+            yield Idle("ejecta_contrast", "there are no ejecta; choose ejecta: true")
 
     def __post_init__(self) -> None:
         if self.production is None and self.file is None:

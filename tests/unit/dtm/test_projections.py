@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from rasterio.transform import Affine
 
 from terrain_forge.dtm import (
     RasterDtm,
+    ellipsoid,
     geographic_crs,
     open_raster,
     scale_error,
@@ -102,9 +104,14 @@ def test_scale_error_is_that_of_the_projection():
 def test_facts_of_a_site(tmp_path):
     write_raster(tmp_path, rough().astype("float32"))
     site, _ = plan(tmp_path)
-    text = " ".join(site_facts(site))
-    assert "in a million" in text
-    assert "256 × 256 samples" in text
+    facts = site_facts(site)
+    assert "lengths      true throughout, to 0.1 mm in a kilometre" in facts
+    assert "256 × 256 samples" in " ".join(facts)
+    (told,) = (line for line in site_facts(site.replace(size=(40e3, 40e3))) if "lengths" in line)
+    edge = 0.5 * (20e3 / ellipsoid(site.crs)[0]) ** 2
+    found = re.fullmatch(r"lengths +true in the middle, off by (\d+) mm in a kilometre .*", told)
+    assert found is not None
+    assert float(found[1]) * 1e-6 == pytest.approx(edge, rel=0.5)
 
 
 def test_radius_is_taken_above_the_ellipsoid_at_its_latitude():

@@ -377,7 +377,7 @@ def test_a_motion_shorter_than_a_sweep_is_refused(hill):
         ({"range_min_m": 100}, "range_min_m must be below range_max_m"),
         ({"firing_period_us": 2e5}, "firing_period_us must be"),
         ({"channels": 1000, "horizontal_samples": 100_000}, "more than 4000000 points"),
-        ({"prism_deviations_deg": [1, 1]}, "no effect without prism_rpm"),
+        ({"prism_deviations_deg": [1, 1]}, "no effect: there is no prism_rpm"),
         ({"preset": "vlp-61"}, r"'vlp-61' \(did you mean 'vlp-16'\?\), there are: vlp-16, hdl"),
         ({"elevations_deg": [91]}, "less than or equal to 90"),
     ],
