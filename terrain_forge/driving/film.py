@@ -217,12 +217,16 @@ def _around(world: World, places: Array, reach: float) -> Subject:
         axis=1
     )
     part = ground.cut(column=column, row=row, columns=wide, rows=high)
-    rgb = subject.ground_rgb[row : row + high + 1, column : column + wide + 1]
-    beyond = shape_horizon(site=world.site, ground=part, ground_rgb=rgb, layers=(), reach=None)
+    nodes = np.s_[row : row + high + 1, column : column + wide + 1]
+    rgb, material = subject.ground_rgb[nodes], world.appearance.material
+    looks = world.appearance.replace(
+        ground_rgb=rgb, material=None if material is None else material[nodes], drift=None
+    )
+    beyond = shape_horizon(site=world.site, ground=part, appearance=looks, layers=(), reach=None)
     return subject.replace(
         ground=part,
         ground_rgb=rgb,
-        grain=grain[row : row + high + 1, column : column + wide + 1],
+        grain=grain[nodes],
         horizon=beyond,
         instances=rocks.select(near),
         tracks=(),

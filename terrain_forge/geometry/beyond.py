@@ -1,8 +1,9 @@
 """What lies beyond a world's edge as one textured mesh, for formats without colours of vertices.
 
 Its texture is a palette: the colours of the ground from dark to bright in the lower half, those of
-the rocks in the upper one; each vertex lies where its own brightness is. So it takes a kilobyte,
-and between two vertices lie the colours between theirs.
+the rocks in the upper one; each vertex lies where its own brightness is. Ground of several tints,
+as of materials, has a row for each of some, all of one brightness above each other. So it takes
+some kilobytes, and between two vertices lie the colours between theirs.
 """
 
 from __future__ import annotations
@@ -20,21 +21,33 @@ from terrain_forge.writers import Gltf, write_obj
 _SHADES = 256
 """Columns of the palette."""
 _ROWS = 8
+"""Rows of a palette of one tint for the ground and one for the rocks."""
+_TINTS = 16
+"""Rows of ground of several tints."""
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
+_PAIRS = (0, 1), (0, 2), (1, 2)
+"""Channels by whose difference tints are told apart: by that which tells most."""
+_SAME = 48.0
+"""How much that difference varies among colours of one tint, at most, of 255."""
 
 
 def horizon_surface(horizon: Horizon) -> tuple[TexturedMesh, NDArray[np.uint8]]:
     """The mesh, and its palette, sRGB, rows from the top, shape [rows, columns, 3]."""
     colours = horizon.rgb.astype(np.float64)
     coordinates = np.empty((len(colours), 2))
-    palette = np.zeros((2, _SHADES, 3))
-    parts = (slice(0, horizon.ground_vertices), slice(horizon.ground_vertices, None))
-    for half, part in enumerate(parts):
-        if len(colours[part]):
-            place, palette[half] = _shades(colours[part])
-            coordinates[part, 0] = (place + 0.5) / _SHADES
-            coordinates[part, 1] = 0.25 + 0.5 * half
-    image = np.repeat(np.round(palette).astype(np.uint8), _ROWS // 2, axis=0)
+    ground, rocks = slice(0, horizon.ground_vertices), slice(horizon.ground_vertices, None)
+    place, tint, shades = _tints(colours[ground])
+    rows = len(shades)
+    coordinates[ground, 0] = (place + 0.5) / _SHADES
+    coordinates[ground, 1] = 0.5 * (tint + 0.5) / rows
+    above = np.zeros((1, _SHADES, 3))
+    if len(colours[rocks]):
+        place, above[0] = _shades(colours[rocks])
+        coordinates[rocks, 0] = (place + 0.5) / _SHADES
+        coordinates[rocks, 1] = 0.75
+    half = max(rows, _ROWS // 2)
+    halves = [np.repeat(part, half // len(part), axis=0) for part in (shades, above)]
+    image = np.round(np.concatenate(halves)).astype(np.uint8)
     surface = TexturedMesh(
         vertices=horizon.mesh.vertices,
         normals=horizon.normals.astype(np.float64),
@@ -42,6 +55,39 @@ def horizon_surface(horizon: Horizon) -> tuple[TexturedMesh, NDArray[np.uint8]]:
         faces=horizon.mesh.faces,
     )
     return surface, np.asarray(image_rows(image))
+
+
+def _tints(colours: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Column and row of each colour in a palette of shades and tints, and the palette."""
+    place, shades = _shades(colours)
+    mean = colours.sum(axis=0) / len(colours)
+    usual = mean / max(float((mean * _LUMA).sum()), 1e-9)
+    bright = (colours * _LUMA).sum(axis=1)
+    apart = colours - bright[:, None] * usual
+    along = np.stack([apart[:, a] - apart[:, b] for a, b in _PAIRS], axis=-1)
+    number = int(np.argmax(np.abs(along).max(axis=0)))
+    tint = along[:, number]
+    low, high = float(tint.min()), float(tint.max())
+    if high - low <= _SAME:
+        return place, np.zeros(len(place), np.int64), shades[None]
+    row = ((tint - low) * (_TINTS - 1) / (high - low) + 0.5).astype(np.int64)
+    steps = low + (high - low) * np.arange(_TINTS) / (_TINTS - 1)
+    # Where no colour lies the palette goes on smoothly, since others lie between two vertices.
+    levels = np.linspace(float(bright.min()), float(bright.max()), _SHADES)
+    shades = levels[:, None] * usual
+    palette = np.repeat(shades[None], _TINTS, axis=0)
+    for channel, sign in zip(_PAIRS[number], (0.5, -0.5), strict=True):
+        palette[..., channel] += sign * steps[:, None]
+    palette += (levels - (palette * _LUMA).sum(axis=-1))[..., None]
+    cell = row * _SHADES + place
+    count = np.bincount(cell, minlength=_TINTS * _SHADES)
+    known = count > 0
+    for channel in range(3):
+        total = np.bincount(cell, colours[:, channel], minlength=len(count))
+        filled = palette[..., channel].ravel()
+        filled[known] = total[known] / count[known]
+        palette[..., channel] = filled.reshape(_TINTS, _SHADES)
+    return place, row, np.clip(palette, 0.0, 255.0)
 
 
 def _shades(colours: Array) -> tuple[NDArray[np.int64], Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from terrain_forge.base import linear_from_srgb, srgb_from_linear
 from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, RockLibrary, Site
 from terrain_forge.rocks import rocks_beyond
-from terrain_forge.terrain import heights_beyond, shape_horizon
+from terrain_forge.terrain import heights_beyond, regolith_colour, shape_horizon, tinted
 from terrain_forge.writers import vertex_normals
 
 _DUST, _LUNAR_DUST = 0.4, 0.2
@@ -34,7 +34,7 @@ def make_horizon(
     bare = shape_horizon(
         site=site,
         ground=ground,
-        ground_rgb=appearance.ground_rgb,
+        appearance=appearance,
         layers=recipe.terrain.layers,
         reach=spec.reach_m,
     )
@@ -50,7 +50,7 @@ def make_horizon(
         height_at=partial(heights_beyond, ground, bare),
     )
     albedo = linear_from_srgb(appearance.rock_rgb / 255.0)[rocks.population]
-    soil = linear_from_srgb(appearance.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
+    soil = regolith_colour(tinted(site, appearance))
     dust = _DUST if max(site.body.sky_rgb) > 0.0 else _LUNAR_DUST
     mixed = (1.0 - dust) * albedo * rocks.tone[:, None] + dust * soil
     rgb = np.round(255.0 * np.clip(srgb_from_linear(mixed), 0.0, 1.0))

@@ -196,6 +196,50 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
     return 1.0 - weight if mask.invert else weight
 
 
+def mask_weight_at(
+    mask: Mask,
+    *,
+    east: Array,
+    north: Array,
+    cell: float,
+    height_at: Callable[[Array, Array], Array],
+) -> Array:
+    """Weight of single points, 0 to 1, by the ground's conditions alone, shape [points].
+
+    As `mask_weight` on a grid of `cell` [m] through each point. Images and routes are left out.
+
+    Args:
+        mask: The mask.
+        east: Of the points [m], shape [points].
+        north: Of the points [m], shape [points].
+        cell: How closely the ground is known there [m].
+        height_at: Heights [m] at places east and north [m], of any shape.
+    """
+
+    def around(baseline: float) -> tuple[Array, float]:
+        away = stencil_cells(baseline, cell) * cell
+        steps = np.array([-away, 0.0, away])
+        return height_at(east + steps[None, :, None], north + steps[:, None, None]), away
+
+    weight = np.ones_like(east)
+    if mask.height is not None:
+        band = mask.height
+        weight *= _within(height_at(east, north), band.above_m, band.below_m, band.fade_m)
+    if mask.slope is not None:
+        z, away = around(mask.slope.baseline_m)
+        x, y = (z[1, 2] - z[1, 0]) / (2.0 * away), (z[2, 1] - z[0, 1]) / (2.0 * away)
+        weight *= _within_slopes(mask.slope, np.sqrt(x * x + y * y))
+    measures = (mask.hollow, _AXES, np.mean), (mask.roughness, _ALL_WAYS, _rms)
+    for relief, ways, measure in measures:
+        if relief is not None:
+            z, _ = around(relief.baseline_m)
+            sags = [0.5 * (z[1 + j, 1 + i] + z[1 - j, 1 - i]) - z[1, 1] for j, i in ways]
+            weight *= _within(
+                measure(np.stack(sags), axis=0), relief.above_m, relief.below_m, relief.fade_m
+            )
+    return 1.0 - weight if mask.invert else weight
+
+
 def fade(value: Array, start: float, end: float) -> Array:
     """From 1 at `start` smoothly to 0 at `end`, which is not lower; a step after it if equal."""
     if start == end:
@@ -276,8 +320,14 @@ def _within(value: Array, low: float | None, high: float | None, width: float) -
 
 
 def _slope_weight(band: SlopeBand, elevation: Array, spacing: float) -> Array:
+    """The weight of heights by their slope."""
+    return _within_slopes(
+        band, steepness(elevation, stencil_cells(band.baseline_m, spacing), spacing)
+    )
+
+
+def _within_slopes(band: SlopeBand, rise: Array) -> Array:
     """As `_within`, in angles; the fade ends at level ground or the vertical."""
-    rise = steepness(elevation, stencil_cells(band.baseline_m, spacing), spacing)
     weight = np.ones_like(rise)
     above, below, width = band.above_deg, band.below_deg, band.fade_deg
     if above is not None:

@@ -192,22 +192,55 @@ def classify_ground(
         if spec.mask is not None:
             weight = mask_weight(spec.mask, site=site, window=around, elevation=heights)
             share *= weight[own]
-        key = stage_key(site.seed, f"material/{spec.label}")
-        count = int(np.count_nonzero(_waves(spec.patch_m, _OCTAVES) >= site.spacing))
-        noise = _patches(key, east, north, spec.patch_m, max(count, 1))
-        ranks = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
-        found[np.interp(noise, _quantiles(max(count, 1)), ranks) < share] = number
+        rank = patch_ranks(spec, site=site, east=east, north=north, cell=site.spacing)
+        found[rank < share] = number
     return found
+
+
+def patch_ranks(
+    spec: MaterialSpec,
+    *,
+    site: Site,
+    east: Array,
+    north: Array,
+    cell: float,
+    turn: Array | None = None,
+) -> Array:
+    """Where a material lies first: it covers the nodes of a grid whose rank is below its share.
+
+    Args:
+        spec: The material.
+        site: The site.
+        east: Of the columns [m].
+        north: Of the rows [m].
+        cell: How closely the nodes lie [m]: finer patches are left out.
+        turn: 2 × 2 matrix from the two to the site's east and north; none where they are that.
+
+    Returns:
+        Ranks, evenly spread over 0 to 1, shape [rows, columns].
+    """
+    key = stage_key(site.seed, f"material/{spec.label}")
+    count = max(int(np.count_nonzero(_waves(spec.patch_m, _OCTAVES) >= cell)), 1)
+    noise = _patches(key, east, north, spec.patch_m, count, turn)
+    ranks = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    return np.asarray(np.interp(noise, _quantiles(count), ranks))
 
 
 def _waves(patch: float, count: int) -> Array:
     return np.asarray(patch * 0.5 ** np.arange(float(count)))
 
 
-def _patches(key: np.uint64, east: Array, north: Array, patch: float, count: int) -> Array:
+def _patches(
+    key: np.uint64,
+    east: Array,
+    north: Array,
+    patch: float,
+    count: int,
+    turn: Array | None = None,
+) -> Array:
     """Noise of some octaves, the longest as wide as a patch [m]."""
-    fall = _FALL ** np.arange(float(count))
-    return octaves(key, east=east, north=north, wavelengths=_waves(patch, count), amplitudes=fall)
+    fall, waves = _FALL ** np.arange(float(count)), _waves(patch, count)
+    return octaves(key, east=east, north=north, wavelengths=waves, amplitudes=fall, turn=turn)
 
 
 @cache

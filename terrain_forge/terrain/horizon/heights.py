@@ -9,8 +9,8 @@ length of the site's side. Farther out the body curves away.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, linear_from_srgb, portable, srgb_from_linear
 from terrain_forge.dtm import far_heights
-from terrain_forge.model import Heightfield, Horizon, Mesh, Site
+from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, Site
+from terrain_forge.terrain.horizon.colours import (
+    material_tints,
+    regolith_colour,
+    tinted,
+    tints_beyond,
+)
+from terrain_forge.terrain.horizon.places import heights_on
 from terrain_forge.terrain.horizon.rings import (
     Ring,
     ring_faces,
@@ -41,7 +48,7 @@ def shape_horizon(
     *,
     site: Site,
     ground: Heightfield,
-    ground_rgb: NDArray[np.uint8],
+    appearance: Appearance,
     layers: tuple[Layer, ...],
     reach: float | None,
 ) -> Horizon:
@@ -50,19 +57,28 @@ def shape_horizon(
     Args:
         site: The world's site.
         ground: The world's ground.
-        ground_rgb: Its colour, sRGB, shape [rows, columns, 3].
+        appearance: Its colours and materials.
         layers: The recipe's layers.
         reach: How far it goes on [m]; None for the true horizon.
     """
+    appearance = tinted(site, appearance)
     rings = rings_around(ground, _reach(site, ground) if reach is None else reach)
-    heights, linear, weight = _values(site, ground, ground_rgb, layers, rings)
+    heights, linear, weight = _values(site, ground, appearance, layers, rings)
     vertices = np.column_stack([np.concatenate([ring.points for ring in rings]), heights])
+    if appearance.material is not None:
+        linear *= tints_beyond(
+            rings,
+            site=site,
+            appearance=appearance,
+            side=min(_sides(ground)),
+            height_at=partial(_height_anywhere, ground, rings, vertices),
+        )
     faces = ring_faces(rings)
     normals = vertex_normals(vertices, faces)
     border = len(rings[0].points)
     normals[:border] = _border_normals(ground)
     rgb = np.round(255.0 * np.clip(srgb_from_linear(linear), 0.0, 1.0)).astype(np.uint8)
-    rgb[:border] = border_values(ground_rgb)
+    rgb[:border] = border_values(appearance.ground_rgb)
     starts = np.cumsum([0, *(len(ring.points) for ring in rings)])
     known = [
         ring.away
@@ -109,11 +125,14 @@ def _reach(site: Site, ground: Heightfield) -> float:
 def _values(
     site: Site,
     ground: Heightfield,
-    ground_rgb: NDArray[np.uint8],
+    appearance: Appearance,
     layers: tuple[Layer, ...],
     rings: list[Ring],
 ) -> tuple[Array, Array, Array]:
-    """Height [m], linear colour of all nodes, and how far heights are followed there."""
+    """Height [m], linear colour of all nodes, and how far heights are followed there.
+
+    The colour is that of regolith, whatever materials lie there.
+    """
     border, sides = len(rings[0].points), _sides(ground)
     inward = min(_INWARD, 0.5 * (min(ground.shape) - 1)) * ground.spacing
     inner = ring_points(ground, rings[0].parts, -inward)
@@ -130,7 +149,9 @@ def _values(
     bare = height - relief[:border]
     slope = (bare - weight[:border] * known[:border] - inside) / inward
     linear = linear_from_srgb(np.arange(256) / 255.0)
-    colour, mean = linear[border_values(ground_rgb)], _mean_colour(ground_rgb, linear)
+    colour, mean = linear[border_values(appearance.ground_rgb)], regolith_colour(appearance)
+    if appearance.material is not None:
+        colour = colour / material_tints(appearance)[border_values(appearance.material)]
     states, start = [np.column_stack([bare, slope, colour])], 0
     for last, ring in pairwise(rings):
         step, count = ring.away - last.away, len(last.points)
@@ -157,10 +178,21 @@ def _values(
     return heights, whole[:, 2:], weight
 
 
-def _mean_colour(rgb: NDArray[np.uint8], linear: Array) -> Array:
-    """Of the whole site, drifts at rocks and all: there are such beyond it too."""
-    counts = [np.bincount(rgb[..., band].ravel(), minlength=256) for band in range(3)]
-    return np.array([math.fsum(count * linear) for count in counts]) / rgb[..., 0].size
+def _height_anywhere(
+    ground: Heightfield, rings: list[Ring], vertices: Array, east: Array, north: Array
+) -> Array:
+    """Heights of the ground [m] at places within a world and beyond, at most at the last ring."""
+    west, south, far_east, far_north = ground.bounds
+    reach = rings[-1].away
+    x, y = np.broadcast_arrays(
+        np.clip(east, west - reach, far_east + reach),
+        np.clip(north, south - reach, far_north + reach),
+    )
+    inside = ground.covers(x, y)
+    heights = np.empty(x.shape)
+    heights[inside] = ground.height_at(x[inside], y[inside])
+    heights[~inside] = heights_on(rings, vertices, ground, x[~inside], y[~inside])
+    return heights
 
 
 def _sides(ground: Heightfield) -> tuple[float, float]:

@@ -24,7 +24,18 @@ def heights_beyond(
     Raises:
         ValueError: if a point lies within the world or beyond the reach.
     """
-    rings, vertices = rings_around(ground, horizon.reach), horizon.mesh.vertices
+    rings = rings_around(ground, horizon.reach)
+    return heights_on(rings, horizon.mesh.vertices, ground, east, north)
+
+
+def heights_on(
+    rings: list[Ring], vertices: Array, ground: Heightfield, east: ArrayLike, north: ArrayLike
+) -> Array:
+    """As `heights_beyond`, of rings whose nodes' places and heights are known.
+
+    Raises:
+        ValueError: if a point lies within the world or beyond the reach.
+    """
     x, y = np.broadcast_arrays(*(np.asarray(c, np.float64) for c in (east, north)))
     west, south, far_east, far_north = ground.bounds
     beyond = np.stack([south - y, x - far_east, y - far_north, west - x])

@@ -1,0 +1,138 @@
+"""The colour of the ground beyond a world where the recipe has materials.
+
+They go on by the rule that they have on the site: the same patches, and masks by the ground's
+slope, height and relief there. Where nodes lie too far apart for that, a material has the share
+that it has on the site. With distance all of it fades to the regolith, so that no material tints
+the land out to the horizon. Masks by images and routes end within some patches of the border.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrain_forge.base import Array, linear_from_srgb
+from terrain_forge.model import Appearance, Site
+from terrain_forge.terrain.horizon.rings import Ring
+from terrain_forge.terrain.masks import fade, mask_weight_at
+from terrain_forge.terrain.materials import MaterialSpec, patch_ranks
+
+_LEAST = 0.01
+"""Part of the site that is regolith, from which on its colour is looked up there."""
+_DARKEST = 1e-3
+"""Linear colour that a tint is told over, at least."""
+_ENDED = 2.0
+"""Patches beyond the border over which a mask by an image or a route ends."""
+_SWAPPED = np.array([[0.0, 1.0], [1.0, 0.0]])
+_LINEAR = linear_from_srgb(np.arange(256) / 255.0)
+
+
+def regolith_colour(appearance: Appearance) -> Array:
+    """Mean linear colour of a site's regolith, drifts at rocks and all, shape [3]."""
+    rgb, material = appearance.ground_rgb.reshape(-1, 3), appearance.material
+    if material is not None:
+        bare = material.ravel() == 0
+        if np.count_nonzero(bare) < _LEAST * bare.size:
+            return np.asarray(linear_from_srgb(appearance.materials[0].rgb))
+        rgb = rgb[bare]
+    counts = [np.bincount(rgb[:, band], minlength=256) for band in range(3)]
+    return np.array([math.fsum(count * _LINEAR) for count in counts]) / len(rgb)
+
+
+def tinted(site: Site, appearance: Appearance) -> Appearance:
+    """The looks without materials where they have no colour: an orthoimage of three bands has."""
+    picture = site.orthoimage
+    if picture is None or picture.albedo.shape[2] == 1:
+        return appearance
+    return appearance.replace(material=None)
+
+
+def material_tints(appearance: Appearance) -> Array:
+    """Linear colour of each material over that of the regolith, shape [materials, 3]."""
+    colours = np.maximum(linear_from_srgb([one.rgb for one in appearance.materials]), _DARKEST)
+    return np.asarray(colours / colours[0])
+
+
+def tints_beyond(
+    rings: list[Ring],
+    *,
+    site: Site,
+    appearance: Appearance,
+    side: float,
+    height_at: Callable[[Array, Array], Array],
+) -> Array:
+    """Linear colour of the rings' nodes over that of regolith, shape [nodes, 3].
+
+    Args:
+        rings: The rings, the first on the border.
+        site: The site.
+        appearance: Its colours and materials.
+        side: The shorter side of the world [m]; over about so much the materials fade.
+        height_at: Heights [m] at places east and north [m], within the world and beyond.
+    """
+    tints, shares = material_tints(appearance), _shares(appearance.material, appearance.materials)
+    found = []
+    for last, ring in pairwise([rings[0], *rings]):
+        tint = np.ones((len(ring.points), 3))
+        cell = max(ring.cell, ring.away - last.away, site.spacing)
+        for number, spec in enumerate(site.recipe.terrain.materials, 1):
+            share = _share(spec, ring, cell, site, shares[number], height_at)[:, None]
+            tint += share * (tints[number] - tint)
+        found.append(1.0 + (tint - 1.0) * side / (side + ring.away))
+    return np.concatenate(found)
+
+
+def _shares(material: NDArray[np.uint8] | None, materials: tuple[object, ...]) -> list[float]:
+    """Part of the site that each material covers where none of the later ones lies."""
+    if material is None:
+        return [1.0] + [0.0] * (len(materials) - 1)
+    counts = np.bincount(material.ravel(), minlength=len(materials)).astype(np.int64)
+    below = np.cumsum(counts)
+    return [int(n) / max(int(m), 1) for n, m in zip(counts, below, strict=True)]
+
+
+def _share(
+    spec: MaterialSpec,
+    ring: Ring,
+    cell: float,
+    site: Site,
+    usual: float,
+    height_at: Callable[[Array, Array], Array],
+) -> Array:
+    """How much of a ring's nodes a material covers, shape [nodes].
+
+    Where neighbouring nodes and rings are `cell` [m] apart it lies on some, and on others not;
+    where that is wider than its patches, on each to the part that is usual.
+    """
+    mask = spec.mask
+    bands = () if mask is None else (mask.slope, mask.hollow, mask.roughness)
+    scale = min([spec.patch_m, *(band.baseline_m for band in bands if band is not None)])
+    known = float(fade(np.array(cell), 0.25 * scale, scale))
+    share = np.full(len(ring.points), usual)
+    if known > 0.0:
+        weight = np.full(len(share), spec.cover)
+        if mask is not None:
+            east, north = ring.points.T
+            weight *= mask_weight_at(mask, east=east, north=north, cell=cell, height_at=height_at)
+        share = known * (_ranks(spec, ring, cell, site) < weight) + (1.0 - known) * usual
+    if mask is not None and (mask.image is not None or mask.route is not None):
+        share = share * fade(np.array(ring.away), 0.0, _ENDED * spec.patch_m)
+    return share
+
+
+def _ranks(spec: MaterialSpec, ring: Ring, cell: float, site: Site) -> Array:
+    """The ranks of a ring's nodes in a material's patches, shape [nodes]."""
+    ranks, first = [], 0
+    for number, part in enumerate(ring.parts):
+        points = ring.points[first : first + len(part) - 1]
+        along, across = points[:, number % 2], points[:1, 1 - number % 2]
+        turn = _SWAPPED if number % 2 else None  # one row of nodes in any case
+        ranks.append(
+            patch_ranks(spec, site=site, east=along, north=across, cell=cell, turn=turn).ravel()
+        )
+        first += len(points)
+    return np.concatenate(ranks)
