@@ -38,6 +38,9 @@ def associate(
     Raises:
         DataError: if less than two poses belong together.
     """
+    for name, poses in (("the truth", truth), (estimate.name, estimate)):
+        if not len(poses.time):
+            raise DataError(f"{name} has no poses")
     if association == "interpolated":
         within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
         kept = estimate.select(np.flatnonzero(within)) if within.sum() > 1 else None

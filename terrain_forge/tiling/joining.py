@@ -11,7 +11,7 @@ from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
-from terrain_forge.tiling.making import world_of
+from terrain_forge.tiling.making import digest_of, world_of
 from terrain_forge.tiling.order import FOLDER, TILE, TileOrder
 from terrain_forge.truth import write_merged
 
@@ -46,7 +46,8 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     path = order.folder(number) / TILE
     try:
         told: dict[str, Any] = read_json(path, TILE, most=_MOST)
-        if told["format"] == 1 and (told["row"], told["column"]) == order.grid.place(number):
+        here = (told["row"], told["column"]) == order.grid.place(number)
+        if told["format"] == 1 and here and told["digest"] == digest_of(told):
             return told
     except (DataError, KeyError, TypeError):
         pass

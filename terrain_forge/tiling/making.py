@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -104,8 +105,15 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
         "figures": figures,
         "counts": counts,
     }
+    told["digest"] = digest_of(told)
     text = json.dumps(told, indent=1, allow_nan=False) + "\n"
     (folder / TILE).write_text(text, encoding="utf-8")
+
+
+def digest_of(told: dict[str, Any]) -> str:
+    """The hash of what a tile says of itself, but for its `digest`."""
+    rest = {key: value for key, value in told.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
 def tile_of(order: TileOrder, number: int) -> Tile:

@@ -129,6 +129,8 @@ def load_routes(out: Path) -> tuple[Route, ...] | None:
         plain = read_json(table, table.name, most=MOST)
         with reading(binary.name):
             routes: tuple[Route, ...] = from_plain(plain, read_arrays(binary))
+            if not all(isinstance(route, Route) for route in routes):
+                raise DataError("it holds what is no route")
     except DataError as error:
         raise OutputError(
             f"{table} is damaged: {error}; move it away, and build again, which plans anew"

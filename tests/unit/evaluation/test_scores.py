@@ -19,6 +19,7 @@ from terrain_forge.evaluation import (
     read_poses,
     score_poses,
 )
+from terrain_forge.evaluation.alignment import associate
 from terrain_forge.evaluation.results import Result, result_lines, result_rows
 from tests.helpers.command_line import run
 
@@ -209,6 +210,16 @@ def test_no_common_time_is_told():
     ):
         score_poses(truth, later)
     assert aligned(truth, later, part="none")[0] is later
+
+
+@pytest.mark.parametrize("association", ["nearest", "interpolated"])
+def test_no_poses_at_all_are_told(association):
+    truth = _circle()
+    none = truth.select(np.arange(0)).replace(name="mine")
+    with pytest.raises(DataError, match="the truth has no poses"):
+        associate(none, truth, association=association)
+    with pytest.raises(DataError, match="mine has no poses"):
+        associate(truth, none, association=association)
 
 
 def _write_tum(path, poses):

@@ -52,6 +52,24 @@ def test_a_build_names_a_damaged_file_that_it_wants(copied, recipe, name):
     assert name in done.complaints[-1]
 
 
+@pytest.mark.parametrize("content", ["3", '["a"]', "null"])
+def test_routes_that_are_none_are_named(copied, recipe, content):
+    (copied / "site/routes.json").write_text(content)
+    done = command.run("build", recipe, "-o", copied, "--workers", 0)
+    assert done.returncode == 2
+    assert "site/routes.json is damaged" in done.complaints[-1]
+
+
+def test_a_tile_that_says_something_else_of_itself_is_named(copied, recipe):
+    path = copied / "tiles/000/001/tile.json"
+    told = json.loads(path.read_text())
+    for key, value in (("counts", {**told["counts"], "overlaps": "1"}), ("height_m", [0.0, 1.0])):
+        path.write_text(json.dumps({**told, key: value}, indent=1))
+        done = command.run("build", recipe, "-o", copied, "--workers", 0)
+        assert done.returncode == 2
+        assert "000/001/tile.json is damaged" in done.complaints[-1]
+
+
 def test_a_list_of_tiles_that_is_no_text_is_damaged(copied):
     (copied / "site/tiles.csv").write_bytes(b"\xff\xfe")
     assert not pipeline.validate(copied)
