@@ -7,6 +7,7 @@ from .arrays import Mask as Mask
 from .bounded import MAX_STATE as MAX_STATE
 from .bounded import read_arrays as read_arrays
 from .bounded import read_json as read_json
+from .bounded import read_lines as read_lines
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
 from .bounded import size_text as size_text

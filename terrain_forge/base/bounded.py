@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ _BESIDE = 10_000
 """Files of a folder among which the one that is meant is looked for."""
 MAX_STATE = 2**28
 """Bytes of a file in which we keep what was done so far."""
+_MOST_TABLE = 2**34
+_LONGEST_LINE = 10_000
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
@@ -87,6 +90,24 @@ def read_text(
     if (found := sum(map(text.count, _LINE_ENDS))) > lines:
         raise DataError(f"{name} has {found:,} lines, at most {lines:,}", key=key)
     return text
+
+
+def read_lines(path: Path, name: str) -> Iterator[str]:
+    """The lines of a table of UTF-8, one by one, so that none fills the memory.
+
+    Args:
+        path: The file, 16 GiB at most.
+        name: What it is called in errors.
+
+    Raises:
+        DataError: if there is no such file, or one of its lines is too long for one.
+    """
+    require_file(path, name, most=_MOST_TABLE)
+    with path.open(encoding="utf-8", newline="") as file:
+        while line := file.readline(_LONGEST_LINE):
+            if len(line) == _LONGEST_LINE:
+                raise DataError(f"{name}: a line has more than {_LONGEST_LINE:,} characters")
+            yield line
 
 
 def read_json(path: Path, name: str, *, most: int = MAX_STATE) -> Any:

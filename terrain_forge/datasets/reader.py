@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, portable, read_text, reading
+from terrain_forge.base import Array, DataError, portable, read_lines, read_text, reading
 from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
 from terrain_forge.datasets.streams import (
     RecordedCamera,
@@ -19,7 +19,6 @@ from terrain_forge.datasets.streams import (
     RecordedSensor,
     RecordedSeries,
     ascending,
-    lines_of,
 )
 
 VERSION = 1
@@ -203,7 +202,7 @@ class Recording:
     def _truth_file(self, name: str) -> Poses:
         path, where = self.folder / "truth" / f"{name}.tum", f"truth/{name}.tum"
         with reading(where):
-            lines = (line.replace(".", " ", 1) for line in lines_of(path, where))
+            lines = (line.replace(".", " ", 1) for line in read_lines(path, where))
             rows = np.loadtxt(lines, _TUM, ndmin=1)
             values = rows["values"]
             if not np.isfinite(values).all():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, is_file_name, reading, require_file
+from terrain_forge.base import Array, DataError, is_file_name, read_lines, reading, require_file
 from terrain_forge.datasets.poses import Stamps
 
 DISTORTIONS = {"radtan": (4, 5), "equidistant": (4,), "none": (0,)}
@@ -22,8 +22,6 @@ _BLOCK = 8192
 """Rows of a table that are read at a time."""
 _LARGEST = 2**31
 """Bytes that a sweep may have."""
-_LARGEST_TABLE = 2**34
-_LONGEST_LINE = 10_000
 POINT_FIELDS = ("x", "y", "z", "intensity", "ring", "time", "instance")
 
 
@@ -109,7 +107,7 @@ class RecordedSensor:
         where = f"{self.key}/data.csv"
         stamps, names = [], []
         with reading(where):
-            for number, line in enumerate(lines_of(path, where), 1):
+            for number, line in enumerate(read_lines(path, where), 1):
                 if line.startswith("#") or not line.strip():
                     continue
                 stamp, _, name = line.strip().partition(",")
@@ -137,20 +135,6 @@ class RecordedSensor:
         if channel != "data":
             stem = f"{Path(stem).stem}{self.channels[channel].get('suffix', '.png')}"
         return self.folder / channel / stem
-
-
-def lines_of(path: Path, where: str) -> Iterator[str]:
-    """The lines of a table, one by one, so that none fills the memory.
-
-    Raises:
-        DataError: if there is no such file, or one of its lines is too long for one.
-    """
-    require_file(path, where, most=_LARGEST_TABLE)
-    with path.open(encoding="utf-8") as file:
-        while line := file.readline(_LONGEST_LINE):
-            if len(line) == _LONGEST_LINE:
-                raise DataError(f"{where}: a line has more than {_LONGEST_LINE:,} characters")
-            yield line
 
 
 def stored_array(path: Path, where: str) -> NDArray[Any]:
@@ -302,7 +286,7 @@ class RecordedSeries(RecordedSensor):
         """The headings behind the stamp, without their units."""
         where = f"{self.key}/data.csv"
         with reading(where):
-            head = next(lines_of(self.table_file, where), "")
+            head = next(read_lines(self.table_file, where), "")
         if not head.startswith("#timestamp"):
             raise DataError(f"{where}:1: no heading that begins with #timestamp")
         return tuple(name.partition("[")[0].strip() for name in head[1:].strip().split(",")[1:])
@@ -311,7 +295,7 @@ class RecordedSeries(RecordedSensor):
         """Stamps and the other columns, some rows at a time, so that a long table can be read."""
         kinds = np.dtype([("stamp", "i8"), ("values", "f8", (len(self.columns),))])
         where, last = f"{self.key}/data.csv", np.zeros(0, np.int64)
-        lines = islice(lines_of(self.table_file, where), 1, None)
+        lines = islice(read_lines(self.table_file, where), 1, None)
         while True:
             with reading(where):
                 some = list(islice(lines, _BLOCK))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, read_lines
 from terrain_forge.report.section import Built
 
 _PATHS = ("#f2c230", "#ff82dc", "#82f078", "#ff9a4d")
@@ -46,10 +46,10 @@ def ground_lines(built: Built) -> list[Line]:
 
 def _places(table: Path) -> Array:
     """Columns x_m and y_m of a track's table; none of a table of something else."""
-    with table.open(encoding="utf-8") as file:
-        if file.readline().strip().split(",")[:3] != _TRACK_BEGINS:
-            return np.empty((0, 2))
-        return np.loadtxt(file, delimiter=",", usecols=(1, 2), ndmin=2)
+    lines = read_lines(table, table.name)
+    if next(lines, "").strip().split(",")[:3] != _TRACK_BEGINS:
+        return np.empty((0, 2))
+    return np.loadtxt(lines, delimiter=",", usecols=(1, 2), ndmin=2)
 
 
 def _thinned(points: Array) -> Array:

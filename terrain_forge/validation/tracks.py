@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, quaternion_from_rpy
+from terrain_forge.base import Array, quaternion_from_rpy, read_lines
 from terrain_forge.validation.consumer import Consumer
 from terrain_forge.validation.measures import ASPECTS
 from terrain_forge.validation.reading import Reading, Track
@@ -31,8 +31,7 @@ def read_paths(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
 
 def table_columns(path: Path) -> dict[str, Array]:
     """The columns of a CSV of numbers by their headings."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))
+    rows = list(csv.reader(read_lines(path, path.name)))
     values = np.array(rows[1:], np.float64).reshape(-1, len(rows[0]))
     return dict(zip(rows[0], values.T, strict=True))
 

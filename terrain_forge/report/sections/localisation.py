@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, read_lines
 from terrain_forge.datasets import Recording
 from terrain_forge.evaluation import ERRORS, MAPS, RESULTS, read_errors
 from terrain_forge.report.blocks import Block, drawing, heading, paragraph, table
@@ -89,8 +89,7 @@ def _shown(path: Path, *, first: str, last: str = "r") -> Block:
 
 
 def _rows(path: Path) -> list[list[str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return [row for row in csv.reader(file) if row]
+    return [row for row in csv.reader(read_lines(path, path.name)) if row]
 
 
 def _runs(folder: Path, systems: Sequence[str]) -> dict[str, Array]:

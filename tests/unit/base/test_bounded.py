@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from terrain_forge.base import MAX_STATE, DataError, OutputError, read_arrays, read_json
+from terrain_forge.base import MAX_STATE, DataError, OutputError, read_arrays, read_json, read_lines
 from terrain_forge.model import World
 
 
@@ -83,3 +83,13 @@ def test_a_state_that_would_fill_the_memory_is_not_read(tmp_path):
         file.truncate(MAX_STATE + 1)
     with pytest.raises(DataError, match="at most 256 MiB"):
         read_json(path, path.name)
+
+
+def test_a_table_is_read_line_by_line(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes("a,b\r\n1,ä\n".encode())
+    assert [line.strip() for line in read_lines(path, "a.csv")] == ["a,b", "1,ä"]
+    with path.open("wb") as file:
+        file.truncate(2**33)
+    with pytest.raises(DataError, match=r"a\.csv: a line has more than 10,000 characters"):
+        list(read_lines(path, "a.csv"))

@@ -16,10 +16,10 @@ from terrain_forge.evaluation import (
     ScoreOptions,
     TimedPoses,
     aligned,
+    associate,
     read_poses,
     score_poses,
 )
-from terrain_forge.evaluation.alignment import associate
 from terrain_forge.evaluation.results import Result, result_lines, result_rows
 from tests.helpers.command_line import run
 
