@@ -176,6 +176,8 @@ def faults(
     """What is wrong with how a command ended, each as a signature that alike faults share."""
     found = []
     lines = [line for line in ended.stderr.split("\n") if line and not _OURS.match(line)]
+    if ended.status == 0 or len(lines) > 1:  # warnings, beside what is refused
+        lines = [line for line in lines if ": has no effect: " not in line]
     if ended.status is None or ended.seconds > seconds:
         how = "hangs" if ended.status is None else f"slow: over {seconds:g} s"
         found.append(how)
