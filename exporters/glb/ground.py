@@ -95,22 +95,18 @@ def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options
     material = gltf.add("materials", matt(name, texture=texture, normals=normals))
     rest = np.ones((ground.shape[0] - 1) * (ground.shape[1] - 1), np.bool_)
     primitives = []
+    corners = grid_faces(*ground.shape).reshape(-1, 6) if patches else np.empty((0, 6), np.int32)
     for patch in patches:
         rest[patch.cells] = False
-        indices = gltf.add_indices(faces_of(patch.cells, ground))
+        indices = gltf.add_indices(corners[patch.cells].reshape(-1, 3))
         look = gltf.add("materials", close_look(patch, gltf, name))
         primitives.append({"attributes": attributes, "indices": indices, "material": look})
     if patches:
-        faces = gltf.add_indices(faces_of(np.flatnonzero(rest), ground))
+        faces = gltf.add_indices(corners[rest].reshape(-1, 3))
     if rest.any():
         primitives.append({"attributes": attributes, "indices": faces, "material": material})
     mesh = gltf.add("meshes", {"name": name, "primitives": primitives})
     return {"name": name, "mesh": mesh, "translation": corner.tolist()}
-
-
-def faces_of(cells: NDArray[np.int64], ground: Heightfield) -> NDArray[np.int32]:
-    """The faces of some cells of a tile."""
-    return grid_faces(*ground.shape).reshape(-1, 6)[cells].reshape(-1, 3)
 
 
 def close_look(patch: ClosePatch, gltf: Gltf, name: str) -> dict[str, Any]:

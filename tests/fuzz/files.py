@@ -68,15 +68,19 @@ def folder_of_recording(path: Path) -> Folder:
     )
 
 
+def _data_files(path: Path) -> tuple[str, ...]:
+    return tuple(
+        file.relative_to(path).as_posix()
+        for file in sorted(path.rglob("*"))
+        if file.suffix in (".json", ".csv", ".npz") and file.is_file()
+    )
+
+
 def folder_of_site(path: Path) -> Folder:
     """A site in tiles."""
     return Folder(
         path=path,
-        known=tuple(
-            file.relative_to(path).as_posix()
-            for file in sorted(path.rglob("*"))
-            if file.suffix in (".json", ".csv", ".npz") and file.is_file()
-        ),
+        known=_data_files(path),
         commands=(
             *(VALIDATE, ("cut", "world", "--centre", "1,1", "--size", "4,4", "-o", "cut")),
             ("build", "site.yaml", "-o", "world", "--workers", "0"),
@@ -88,11 +92,7 @@ def folder_of_series(path: Path) -> Folder:
     """Worlds of one recipe."""
     return Folder(
         path=path,
-        known=tuple(
-            file.relative_to(path).as_posix()
-            for file in sorted(path.rglob("*.*"))
-            if file.suffix in (".json", ".csv", ".npz") and file.is_file()
-        ),
+        known=_data_files(path),
         commands=(("worlds", "series.yaml", "-o", "world", "--workers", "0"),),
     )
 
