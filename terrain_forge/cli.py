@@ -125,7 +125,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
         compile_ahead(display)
         display("plan")
         site = plan_draft(drafted, progress=display)
-        world = pipeline.realise(site, settled=False, progress=display)
+        world = pipeline.realise(site, settled=False, horizon=False, progress=display)
     tell_preview(world, out)
 
 

@@ -57,6 +57,7 @@ def realise(
     window: Window | None = None,
     *,
     settled: bool = True,
+    horizon: bool = True,
     progress: Progress | bool = False,
 ) -> World:
     """Make the world of a window of a site; without a window, of the whole site.
@@ -70,6 +71,7 @@ def realise(
         window: A part of it.
         settled: Whether dynamic rocks are settled by physics; else they are embedded as the static
             ones, which is quicker and enough for a look at a recipe.
+        horizon: Whether what lies beyond its edge is made, where the recipe wants it.
         progress: Called with each stage as it begins; True shows them.
 
     Raises:
@@ -80,7 +82,8 @@ def realise(
     if window is None:
         require_fits(site)
     with watched(progress, MAKING[1:]) as watch:
-        return making.make_world(site, window or site.window, settled=settled, progress=watch)
+        part = window or site.window
+        return making.make_world(site, part, settled=settled, horizon=horizon, progress=watch)
 
 
 def build(

@@ -76,7 +76,8 @@ def write_plot(world: World, path: Path, *, note: str, software: str) -> None:
     figure, axes = _figure((east - west, north - south), width=9.0)
     plot_world(world, axes)
     axes.set_title(f"{axes.get_title()}\n{note}", fontsize=10)
-    figure.savefig(path, metadata={"Software": software})
+    quickly = {"compress_level": 1}
+    figure.savefig(path, metadata={"Software": software}, pil_kwargs=quickly)
 
 
 def html(summary: str, size: tuple[float, float], draw: Callable[[Axes], Any]) -> str:

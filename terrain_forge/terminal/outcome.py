@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from terrain_forge import tiling
 from terrain_forge.base import OutputError, StorageError, size_text
 from terrain_forge.building import BuildResult, read_manifest, told_files
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
-from terrain_forge.tiling import TiledResult, is_site, progress_figures
 from terrain_forge.validation import checks_of, failed_checks, report_text
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ _PREVIEW = "terrain-forge preview"
 
 def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
     """Say what a build made and how it is looked at."""
-    if isinstance(result, TiledResult):
-        say(f"{out}: {progress_figures(result)}, in {time_text(seconds)}")
+    if isinstance(result, tiling.TiledResult):
+        say(f"{out}: {tiling.progress_figures(result)}, in {time_text(seconds)}")
         say(f"  look at it: terrain-forge view {quote(click.format_filename(out))}")
         return
     world = result.world
@@ -132,7 +132,7 @@ def show_report(out: Path, *, opened: bool) -> None:
     Raises:
         OutputError: if it has none.
     """
-    if not is_site(out):
+    if not tiling.is_site(out):
         read_manifest(out)
     page = (out / "report.html").absolute()
     if not page.is_file():

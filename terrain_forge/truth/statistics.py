@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.special import kolmogi, kolmogorov, nbdtrik, pdtrik
 
 from terrain_forge.base import Array
 
@@ -42,6 +41,8 @@ def kolmogorov_smirnov(
 
 def smirnov(distance: float, count: int) -> dict[str, float]:
     """A distance of so many from their law, with its p-value and what is critical."""
+    from scipy.special import kolmogi, kolmogorov
+
     root = np.sqrt(count)
     shift, stretch = 1 / (6 * root) - 1 / (4 * count), 1 + 1 / (4 * count)
     return {
@@ -79,6 +80,8 @@ def count_band(mean: Array, variance: Array) -> tuple[Array, Array]:
     Poisson where the variance is the mean; else negative binomial, which is what a Poisson count
     with a gamma-distributed mean is.
     """
+    from scipy.special import nbdtrik, pdtrik
+
     tail = 0.5 * (1.0 - CONFIDENCE)
     wide = variance > mean * (1.0 + 1e-9)
     share = np.where(wide, mean / np.where(wide, variance, 1.0), 0.5)

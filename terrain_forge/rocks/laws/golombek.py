@@ -79,14 +79,14 @@ class Golombek(SizeLaw):
     @property
     def abundance(self) -> float:
         """Rock abundance k, however it is given."""
-        from scipy.special import lambertw
-
         if self.preset:
             return self.preset.k
         if self.cover:
             fraction, above = self.cover.fraction, self.cover.above_m
             if self.q_per_m:
                 return float(fraction * portable.exp(self.q_per_m * above))
+            from scipy.special import lambertw
+
             # The k of F = k exp(-(a + b / k) D): b D / k = W(b D exp(-a D) / F), Lambert's W.
             constant, slope = self._decay
             w = float(lambertw(slope * above * portable.exp(-constant * above) / fraction).real)
