@@ -30,12 +30,13 @@ def listen_for_interrupts() -> Iterator[None]:
     """Take Ctrl-C, a polite kill and the terminal's end alike; what is ignored stays ignored.
 
     Python drops what a callback or a finaliser raises, so one that came can be asked for until the
-    block ends. The process takes its signals so from then on.
+    block ends.
     """
-    for number in _SIGNALS:
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _raise)
+    former = {number: signal.getsignal(number) for number in _SIGNALS}
+    former = {number: h for number, h in former.items() if h not in (signal.SIG_IGN, None)}
     try:
+        for number in former:
+            signal.signal(number, _raise)
         yield
     except Exception as error:  # an interrupt in an import becomes an ImportError
         cause = error.__cause__
@@ -44,6 +45,8 @@ def listen_for_interrupts() -> Iterator[None]:
         ask_for_interrupt()
         raise
     finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
         _noted.clear()
 
 
@@ -72,6 +75,7 @@ def hold_interrupts() -> Iterator[None]:
             signal.signal(number, handler)
         if former and _noted:
             came = _noted.pop()
+            _noted.clear()  # who presses Ctrl-C twice means one interrupt
             going_up = isinstance(sys.exc_info()[1], KeyboardInterrupt)
             try:
                 former[came](came, None)

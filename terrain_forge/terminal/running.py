@@ -101,13 +101,14 @@ def run_process(command: click.Command) -> None:
     """
     sys.unraisablehook, sys.excepthook = _tell_unraisable, _tell_uncaught
     _open_streams()
-    status = run_command(command, sys.argv[1:])
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # nobody reads it any more
-            stream.flush()
-    os._exit(status)
+    with listen_for_interrupts():
+        status = run_command(command, sys.argv[1:])
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                stream.flush()
+        os._exit(status)
 
 
 def _open_streams() -> None:

@@ -6,7 +6,6 @@ import gc
 import io
 import logging
 import re
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import NamedTuple
@@ -45,12 +44,9 @@ def run(*arguments: object) -> Done:
 
 @contextmanager
 def process_as_it_was() -> Iterator[None]:
-    """Undo what a command does to its process: signals, garbage collection."""
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    """Undo what a command does to its process: garbage collection."""
     thresholds = gc.get_threshold()
     try:
         yield
     finally:
         gc.set_threshold(*thresholds)
-        for number, handler in handlers.items():
-            signal.signal(number, handler)

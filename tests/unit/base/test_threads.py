@@ -22,10 +22,8 @@ from terrain_forge.base import (
 def _heeded():
     """A shell that starts the tests in the background has Ctrl-C ignored."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    polite = signal.getsignal(signal.SIGTERM)
     yield
     signal.signal(signal.SIGINT, before)
-    signal.signal(signal.SIGTERM, polite)
 
 
 def interrupt() -> None:
@@ -54,6 +52,17 @@ def test_an_interrupt_waits_for_the_end_of_the_outermost_block():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_two_interrupts_are_told_once():
+    def work() -> None:
+        with hold_interrupts(), hold_interrupts():
+            interrupt()
+            interrupt()
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    ask_for_interrupt()
+
+
 def test_what_ignores_a_signal_goes_on_to():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with hold_interrupts():
@@ -72,6 +81,7 @@ def test_an_error_that_an_interrupt_became_is_none():
     with pytest.raises(KeyboardInterrupt):
         work()
     ask_for_interrupt()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_after_an_interrupt_the_task_that_runs_ends_and_no_other_begins():

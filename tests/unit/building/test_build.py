@@ -277,19 +277,15 @@ def test_a_dropped_interrupt_is_told_at_the_next_stage(monkeypatch):
             os.kill(os.getpid(), signal.SIGTERM)
             time.sleep(0.05)
 
-    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     dropped = []
     monkeypatch.setattr(sys, "unraisablehook", dropped.append)
-    try:
-        with listen_for_interrupts():
+    with listen_for_interrupts():
+        ask_for_interrupt()
+        Finalised()
+        assert len(dropped) == 1
+        with pytest.raises(KeyboardInterrupt):
             ask_for_interrupt()
-            Finalised()
-            assert len(dropped) == 1
-            with pytest.raises(KeyboardInterrupt):
-                ask_for_interrupt()
-    finally:
-        signal.signal(signal.SIGTERM, before[0])
-        signal.signal(signal.SIGINT, before[1])
+    ask_for_interrupt()
 
 
 def test_wrong_input_leaves_nothing(tmp_path):
