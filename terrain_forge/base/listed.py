@@ -16,6 +16,8 @@ LISTED = {
     "record": Path(__file__).with_name("kernels-record.json"),
 }
 types: Any = _types
+_BY_NAME = {str(types.boolean): types.boolean}
+"""Types whose names Numba's module has only beside some versions of NumPy."""
 
 
 @cache
@@ -68,7 +70,7 @@ def _type(plain: Any) -> Any:
         module, made = name.split(":")
         return types.BaseTuple.from_types(numba_types(fields), getattr(import_module(module), made))
     name, *rest = plain.split()
-    scalar = getattr(types, name)
+    scalar = _BY_NAME[name] if name in _BY_NAME else getattr(types, name)
     if not rest:
         return scalar
     layout = "A" if "strided" in rest else "C"
@@ -90,5 +92,5 @@ def _plain(found: Any) -> Any:
         return {f"{made.__module__}:{made.__qualname__}": plain_types(found)}
     if isinstance(found, types.BaseTuple):
         return plain_types(found)
-    assert getattr(types, str(found)) == found, found
+    assert _type(str(found)) == found, found
     return str(found)
