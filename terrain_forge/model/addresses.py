@@ -30,7 +30,7 @@ def mix(key: ArrayLike, word: ArrayLike) -> NDArray[np.uint64]:
 def uniform(hashed: ArrayLike) -> NDArray[np.float64]:
     """Numbers in the open interval (0, 1) from the upper 53 bits of hashes, of their shape."""
     numbers: NDArray[np.float64] = uniform_one.py_func(_words(hashed))
-    return numbers
+    return numbers.reshape(np.shape(hashed))[()]  # NumPy 1 makes a number of an array of one
 
 
 def _words(given: ArrayLike) -> Any:

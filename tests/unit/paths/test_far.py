@@ -56,7 +56,7 @@ def require_drivable(route, land):
     """Each place of the route is one that the rover can pass."""
     field = rate(land.whole)
     column, row = np.rint((route.position - field.origin) / field.spacing).astype(int).T
-    assert field.cost[row, column].max() <= LIMIT
+    assert field.cost[row, column].max() <= np.float32(LIMIT)
     assert (field.clearance[row, column] >= field.half_width).all()
 
 
