@@ -16,8 +16,6 @@ LISTED = {
     "record": Path(__file__).with_name("kernels-record.json"),
 }
 types: Any = _types
-_BY_NAME = {str(types.boolean): types.boolean}
-"""Types whose names Numba's module has only beside some versions of NumPy."""
 
 
 @cache
@@ -70,7 +68,8 @@ def _type(plain: Any) -> Any:
         module, made = name.split(":")
         return types.BaseTuple.from_types(numba_types(fields), getattr(import_module(module), made))
     name, *rest = plain.split()
-    scalar = _BY_NAME[name] if name in _BY_NAME else getattr(types, name)
+    # Beside NumPy 1 Numba has no `types.bool`.
+    scalar = types.boolean if name == "bool" else getattr(types, name)
     if not rest:
         return scalar
     layout = "A" if "strided" in rest else "C"

@@ -32,8 +32,8 @@ def listen_for_interrupts() -> Iterator[None]:
     Python drops what a callback or a finaliser raises, so one that came can be asked for until the
     block ends.
     """
-    former = {number: signal.getsignal(number) for number in _SIGNALS}
-    former = {number: h for number, h in former.items() if h not in (signal.SIG_IGN, None)}
+    handlers = {number: signal.getsignal(number) for number in _SIGNALS}
+    former = {n: one for n, one in handlers.items() if one not in (signal.SIG_IGN, None)}
     try:
         for number in former:
             signal.signal(number, _raise)
