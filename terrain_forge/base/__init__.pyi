@@ -107,4 +107,5 @@ from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn
 from .threads import listen_for_interrupts as listen_for_interrupts
 from .threads import processors as processors
+from .threads import telling_interrupts as telling_interrupts
 from .threads import worker_threads as worker_threads

@@ -93,6 +93,7 @@ def _serve(
                 child.stdin.write(f"{name}\n")
                 child.stdin.flush()
                 if not child.stdout.readline():
+                    ask_for_interrupt()  # the terminal's ends the child too
                     getLogger(__name__).warning(
                         "a process that compiles kernels ended too early, at %s", name
                     )

@@ -23,6 +23,8 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 _TICK = 0.1
 """How often the main thread asks while it waits for others [s]."""
 _noted: list[int] = []
+_deaf: list[bool] = []
+"""Blocks that are not interrupted even where they ask."""
 
 
 @contextmanager
@@ -52,18 +54,32 @@ def listen_for_interrupts() -> Iterator[None]:
 
 def ask_for_interrupt() -> None:
     """Raise KeyboardInterrupt where one has come."""
-    if _noted:
+    if _noted and not _deaf:
         raise KeyboardInterrupt
 
 
 @contextmanager
-def hold_interrupts() -> Iterator[None]:
+def telling_interrupts(left: Callable[[], str]) -> Iterator[None]:
+    """Have an interrupt say what it leaves."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(left()) from None
+
+
+@contextmanager
+def hold_interrupts(*, wholly: bool = False) -> Iterator[None]:
     """Raise none in the block but where it asks; one that came is raised after it.
 
     Where one goes up through the block already, that stays: it may say what was left.
+
+    Args:
+        wholly: Raise none even where it asks: what clears up after an interrupt asks in vain.
     """
     former: dict[int, Any] = {}
     try:
+        if wholly:
+            _deaf.append(True)
         if threading.current_thread() is threading.main_thread():
             for one in _SIGNALS:
                 if callable(handler := signal.getsignal(one)):
@@ -71,6 +87,8 @@ def hold_interrupts() -> Iterator[None]:
                     signal.signal(one, _note)
         yield
     finally:
+        if wholly and _deaf:
+            _deaf.pop()
         for number, handler in former.items():
             signal.signal(number, handler)
         if former and _noted:

@@ -196,7 +196,7 @@ def _staging(folder: Path, target: Path) -> Iterator[Path]:
             _recover(folder, target)
         yield folder
     finally:
-        with hold_interrupts():
+        with hold_interrupts(wholly=True):
             if handle >= 0:
                 _clear(folder, target)
                 os.close(handle)

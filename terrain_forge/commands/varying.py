@@ -73,7 +73,7 @@ def make_worlds(
         say(f"{made}: {grid} worlds as one scene in {time_text(display.elapsed)}")
         return 0
     out = out or Path(f"{file.recipe.name}-worlds")
-    with located(file), Display(("worlds",)) as display:
+    with located(file), Display(("compile", "worlds")) as display:
         result = worlds(
             file,
             out,

@@ -7,7 +7,13 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from terrain_forge.base import Stopwatch, compile_ahead, processors, size_text
+from terrain_forge.base import (
+    Stopwatch,
+    compile_ahead,
+    processors,
+    size_text,
+    telling_interrupts,
+)
 from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
@@ -115,18 +121,17 @@ def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
     watch("recording")
     since = time.monotonic()
     count = 0
-    try:
-        with closing(measured(tasks, workers)) as made:
-            for task, files in made:
-                for stream, name in task.names.items():
-                    store.put(name, files[stream])
-                done += costs[count]
-                count += 1
-                rate = count / max(time.monotonic() - since, 1e-9)
-                text = f"recording: {count:,} of {len(tasks):,}, {rate:.3g} a second"
-                watch(text, done / whole if whole else 1.0)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            f"{count:,} of {len(tasks):,} measurements are in {store.folder}: the same command "
-            "goes on from there"
-        ) from None
+
+    def left() -> str:
+        told = f"{count:,} of {len(tasks):,} measurements are in {store.folder}"
+        return f"{told}: the same command goes on from there"
+
+    with telling_interrupts(left), closing(measured(tasks, workers)) as made:
+        for task, files in made:
+            for stream, name in task.names.items():
+                store.put(name, files[stream])
+            done += costs[count]
+            count += 1
+            rate = count / max(time.monotonic() - since, 1e-9)
+            text = f"recording: {count:,} of {len(tasks):,}, {rate:.3g} a second"
+            watch(text, done / whole if whole else 1.0)

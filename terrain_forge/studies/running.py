@@ -23,6 +23,7 @@ from terrain_forge.base import (
     read_json,
     silent,
     size_text,
+    telling_interrupts,
 )
 from terrain_forge.building import holding
 from terrain_forge.evaluation import Program
@@ -112,20 +113,19 @@ def run_cells(
     missing = _missing(study, out)
     jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep)
     count = len({cell.digest for cell in study.cells})
-    try:
-        with holding(out):
-            (out / CELLS).mkdir(exist_ok=True)
-            text = json.dumps(index_of(study), indent=1)
-            (out / INDEX).write_text(text + "\n", encoding="utf-8")
-            _run(missing, out, jobs, progress, count=count)
-            if not study.file.spec.keep:
-                for cell in study.cells:
-                    _forget(cell, out)
-    except KeyboardInterrupt:
+
+    def told() -> str:
         done = count - len(_missing(study, out))
-        raise KeyboardInterrupt(
-            f"{done} of {count} cells are in {out}: the same command goes on from there"
-        ) from None
+        return f"{done} of {count} cells are in {out}: the same command goes on from there"
+
+    with telling_interrupts(told), holding(out):
+        (out / CELLS).mkdir(exist_ok=True)
+        text = json.dumps(index_of(study), indent=1)
+        (out / INDEX).write_text(text + "\n", encoding="utf-8")
+        _run(missing, out, jobs, progress, count=count)
+        if not study.file.spec.keep:
+            for cell in study.cells:
+                _forget(cell, out)
     found = [result_of(cell, out) for cell in study.cells]
     nothing = {"status": "failed", "why": "its process ended", "results": []}
     return [one or nothing for one in found]

@@ -18,6 +18,7 @@ from terrain_forge.base import (
     processors,
     run_tasks,
     size_text,
+    telling_interrupts,
 )
 from terrain_forge.building import BuildResult, holding, storing
 from terrain_forge.tiling.checking import judge_again
@@ -98,6 +99,7 @@ def build_tiles(
             used.
         StorageError: if the disk does not take the site.
         TerrainForgeError: names the tiles that failed; the others are whole.
+        KeyboardInterrupt: with how far it came.
     """
     out = order.out
     tiles = order.site.recipe.tiles
@@ -106,7 +108,13 @@ def build_tiles(
     if not is_site(out):
         require_paths_begin(order)
     save_order(order)
-    with holding(out):
+
+    def left() -> str:
+        count = len(order.grid)
+        there = f"{count - len(order.missing())} of {count} tiles are in {out}"
+        return f"{there}: the same command goes on from there"
+
+    with holding(out), telling_interrupts(left):
         with storing(out, out):
             begin_site(order)
         missing = order.missing()

@@ -29,6 +29,7 @@ from terrain_forge.base import (
     resolved,
     run_tasks,
     silent,
+    telling_interrupts,
 )
 from terrain_forge.building import (
     chosen_exports,
@@ -105,12 +106,13 @@ def worlds(
         only: Folders of the exports to write; by default all of the recipe.
         workers: Processes; by default one for each core, 0 for this one.
         scheduler: Address of a Dask scheduler, whose workers see the same files.
-        progress: Called with the share that is made.
+        progress: Called with each stage as it begins, and the share that is made.
 
     Raises:
         RecipeError, DataError: if the first world cannot be; nothing is written.
         OutputError: if the folder holds anything else, or another process writes it.
         StorageError: if the disk does not take it.
+        KeyboardInterrupt: with how far it came.
     """
     given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
     if isinstance(given, RecipeFile):
@@ -126,14 +128,15 @@ def worlds(
     draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
     require_apart(out, input_paths(recipe, folder))
     _require_ours(out, recipe, orders)
-    with holding(out):
+    told = partial(_told, out, count)
+    with holding(out), telling_interrupts(told):
         (out / POOL).mkdir(exist_ok=True)
         _write(out / ORDER, _order(recipe, orders))
         for left in out.glob(f"{_BEGUN}*"):
             shutil.rmtree(left)
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
         if missing:
-            compile_ahead(silent)
+            compile_ahead(progress)
         task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)
         failed: dict[int, str] = {}
         done = run_tasks(task, missing, workers=workers, scheduler=scheduler)
@@ -152,6 +155,12 @@ def worlds(
         made=len(missing) - len(failed),
         failed=tuple(sorted(failed.items())),
     )
+
+
+def _told(out: Path, count: int) -> str:
+    """What an interrupt leaves."""
+    there = sum((out / name_of(n)).is_dir() for n in range(count))
+    return f"{there} of {count} worlds are in {out}: the same command goes on from there"
 
 
 def name_of(number: int) -> str:

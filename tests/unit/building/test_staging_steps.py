@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from terrain_forge.base import OutputError, StorageError
+from terrain_forge.base import OutputError, StorageError, listen_for_interrupts
 from terrain_forge.building import (
     finish,
     read_manifest,
@@ -165,7 +165,8 @@ def test_interrupted_at_steps(changed, act, stride):
                 signal.signal(signal.SIGINT, signal.default_int_handler)
                 at_step(step, lambda: os.kill(os.getpid(), signal.SIGINT))
                 try:
-                    act(changed, number=step)
+                    with listen_for_interrupts():
+                        act(changed, number=step)
                 except KeyboardInterrupt as error:
                     os._exit(131 if str(error) == f"{changed} is complete" else 130)
         statuses += status

@@ -82,7 +82,7 @@ def test_an_interrupted_build_goes_on(built, site, store, scheduler, tmp_path):
         if len(list(out.glob("tiles/*/*/tile.json"))) == 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"^2 of 6 tiles are in .* goes on"):
         tf.build(site, out, scheduler=scheduler, exchange=address, progress=interrupt)
     assert not store.find("/tiles")
     result = tf.build(site, out, scheduler=scheduler, exchange=address)

@@ -88,6 +88,16 @@ def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -
     assert contents(out) == contents(made)
 
 
+def test_an_interrupt_tells_what_is_there(tmp_path: Path) -> None:
+    def interrupt(stage: str, share: float | None = None) -> None:
+        if stage == "worlds" and share:
+            raise KeyboardInterrupt
+
+    told = "^1 of 4 worlds are in .*many: the same command goes on from there$"
+    with pytest.raises(KeyboardInterrupt, match=told):
+        worlds(recipe(tmp_path), tmp_path / "many", workers=0, progress=interrupt)
+
+
 def test_each_is_a_world_that_its_own_recipe_makes(made: Path, tmp_path: Path) -> None:
     folder = made / name_of(2)
     drawn = draw(tf.load_recipe(recipe(tmp_path)).recipe, 2, folder=tmp_path)
