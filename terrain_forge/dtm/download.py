@@ -14,13 +14,22 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from shlex import quote
 from typing import Any
 from urllib.parse import urlsplit
 
-from terrain_forge.base import DataError, Progress, StorageError, cache_folder, read_text, size_text
+from terrain_forge.base import (
+    DataError,
+    Progress,
+    StorageError,
+    cache_folder,
+    read_text,
+    size_text,
+    telling_interrupts,
+)
 
 TIMEOUT = (15.0, 60.0)
 """How long a server may take to be reached, and to send something [s]."""
@@ -186,7 +195,8 @@ def download(
 
     def fetch(_url: str, output_file: str, _pooch: object) -> None:
         with _part(path, answer.tag) as part:
-            _receive(answer, part, name, progress)
+            with telling_interrupts(partial(_told, answer, part, name)):
+                _receive(answer, part, name, progress)
             try:
                 check(part)
             except DataError:
@@ -220,6 +230,13 @@ def _part(path: Path, tag: str) -> Iterator[Path]:
         except BlockingIOError:
             raise DataError(f"{path.name} is being fetched by another process", key=_KEY) from None
         yield part
+
+
+def _told(answer: Answer, part: Path, name: str) -> str:
+    """What an interrupt leaves."""
+    came = f"{size_text(part.stat().st_size)} of {size_text(answer.size)} of {name} came"
+    goes_on = "goes on from there" if answer.tag and answer.in_pieces else "begins anew"
+    return f"{came}: terrain-forge fetch {quote(name)} {goes_on}"
 
 
 def _receive(answer: Answer, part: Path, name: str, progress: Progress) -> None:

@@ -181,6 +181,19 @@ def test_a_part_is_kept_for_the_next_run_and_only_for_the_same_content(web, monk
     assert path.read_bytes() == DTM + b"\r\n\r\n "
 
 
+@pytest.mark.parametrize(("file", "next_one"), [({}, "goes on"), ({"tag": ""}, "begins anew")])
+def test_an_interrupt_tells_what_is_kept(web, file, next_one):
+    def interrupt(stage, share):
+        raise KeyboardInterrupt
+
+    web.put(PATH, File(data=DTM, **file))
+    told = f"^65.5 kB of 36. kB of {GALE.product} came: .* {next_one}"
+    with pytest.raises(KeyboardInterrupt, match=told):
+        fetch_product(GALE.product, progress=interrupt)
+    assert fetch_product(GALE.product).read_bytes() == DTM
+    assert web.asked[-1][1] == (f"bytes={CHUNK}-" if next_one == "goes on" else "")
+
+
 def test_a_server_without_pieces_or_tags(web):
     web.put(PATH, File(data=DTM, ranges=False, tag=""))
     assert fetch_product(GALE.product).read_bytes() == DTM
