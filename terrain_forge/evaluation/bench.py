@@ -12,7 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, ExportError, OutputError, RecipeError, StorageError
+from terrain_forge.base import (
+    Array,
+    DataError,
+    ExportError,
+    OutputError,
+    RecipeError,
+    StorageError,
+    telling_interrupts,
+)
 from terrain_forge.datasets import INDEX, Recording, open_recording, write_dataset
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
@@ -61,17 +69,24 @@ def evaluate_recording(
 
     Raises:
         DataError: if there is no recording, or it is broken.
+        KeyboardInterrupt: with how far it came.
     """
     recording = open_recording(dataset)
-    results = []
+    results: list[Result] = []
     inputs: dict[str, Path] = {}
-    for adapter in adapters:
-        for number in range(1, runs + 1):
-            if progress:
-                progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
-            results.append(_result(recording, adapter, number, inputs, options))
-            write_results(results, recording.folder / RESULTS)  # an interrupt loses one run only
-            write_paper_table(recording, results, recording.folder / RESULTS)
+    folder = recording.folder / RESULTS
+
+    def left() -> str:
+        return f"{len(results)} of {len(adapters) * runs} runs are scored, in {folder}"
+
+    with telling_interrupts(left):
+        for adapter in adapters:
+            for number in range(1, runs + 1):
+                if progress:
+                    progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
+                results.append(_result(recording, adapter, number, inputs, options))
+                write_results(results, folder)  # an interrupt loses one run only
+                write_paper_table(recording, results, folder)
     return results
 
 

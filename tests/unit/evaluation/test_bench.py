@@ -162,6 +162,17 @@ def test_runs_have_a_spread(dataset, system):
     assert row.split()[6:10] == ["0.02", "0.01", "to", "0.03"]
 
 
+def test_an_interrupt_tells_what_is_scored(dataset, system):
+    def interrupt(name):
+        if name == "noisy 2":
+            raise KeyboardInterrupt
+
+    adapter = find_system(system("noisy", _NOISY))
+    with pytest.raises(KeyboardInterrupt, match=r"^1 of 3 runs are scored, in .*slam$"):
+        evaluate_recording(dataset, [adapter], runs=3, progress=interrupt)
+    assert len(json.loads((dataset / "slam" / "evaluation.json").read_text())) == 1
+
+
 _SPOILING = """
     from pathlib import Path
     (Path(source) / "notes.txt").write_text("x")
