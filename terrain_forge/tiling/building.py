@@ -26,7 +26,7 @@ from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
-from terrain_forge.tiling.order import TileOrder, is_site, save_order
+from terrain_forge.tiling.order import TileOrder, is_site, require_plain, save_order
 from terrain_forge.tiling.page import write_page
 from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
@@ -115,6 +115,7 @@ def build_tiles(
         return f"{there}: the same command goes on from there"
 
     with holding(out), telling_interrupts(left):
+        require_plain(out)
         with storing(out, out):
             begin_site(order)
         missing = order.missing()

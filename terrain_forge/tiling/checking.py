@@ -13,7 +13,14 @@ from terrain_forge.model import Check, at_most
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
-from terrain_forge.tiling.order import FOLDER, MOST, TILE, TileOrder, load_order
+from terrain_forge.tiling.order import (
+    FOLDER,
+    MOST,
+    TILE,
+    TileOrder,
+    load_order,
+    require_plain,
+)
 
 _NAMED = 8
 _FEW = 16
@@ -54,6 +61,7 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
     order, manifest = load_order(out), read_site(out)
     bad: list[str] = []
     with holding(out):
+        require_plain(out)
         count = len(order.grid)
         watch(f"tiles: 0 of {count}")
         work = partial(check_tile, str(out))

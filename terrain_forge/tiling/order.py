@@ -67,6 +67,20 @@ class TileOrder:
         return self.out / self.grid.folder(number)
 
 
+def require_plain(out: Path) -> None:
+    """Refuse links and pipes where a site's files are written in place; tiles are moved there.
+
+    Raises:
+        OutputError: names the first.
+    """
+    above = [path for path in sorted(out.iterdir()) if path.name not in ("tiles", ".terrain-forge")]
+    within = (one for path in above if not path.is_symlink() for one in sorted(path.rglob("*")))
+    for path in (*above, *within):
+        if path.is_symlink() or not (path.is_dir() or path.is_file()):
+            what = "a link" if path.is_symlink() else "no regular file"
+            raise OutputError(f"{path} is {what}, and is in the way of the site's: move it away")
+
+
 def is_site(out: Path) -> bool:
     """Whether a folder is that of a site in tiles, finished or not."""
     return (out / FOLDER / ORDER).is_file()

@@ -196,6 +196,20 @@ def test_a_folder_of_others_is_left_alone(recipe, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["geotiff/slope.vrt", "truth", "report.html"])
+@pytest.mark.parametrize("pipe", [False, True])
+def test_links_and_pipes_are_not_written_to(built, recipe, tmp_path, name, pipe):
+    out = shutil.copytree(built, tmp_path / "six")
+    mine = tmp_path / "mine"
+    mine.write_text("precious")
+    shutil.rmtree(out / name) if (out / name).is_dir() else (out / name).unlink()
+    os.mkfifo(out / name) if pipe else (out / name).symlink_to(mine)
+    for done in (command.run("build", recipe, "-o", out), command.run("validate", out)):
+        assert done.returncode == 2
+        assert f"{out / name} is {'no regular file' if pipe else 'a link'}" in done.complaints[-1]
+    assert mine.read_text() == "precious"
+
+
 def test_tiles_that_fail_are_named_and_the_others_whole(built, recipe, tmp_path):
     out = tmp_path / "six"
     shutil.copytree(built, out)
