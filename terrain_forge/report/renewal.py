@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+from terrain_forge.base import telling_interrupts
 from terrain_forge.building import (
     altered_files,
     exports_in,
@@ -33,13 +34,10 @@ def renew_report_page(world: World, out: Path, *, force: bool = False) -> None:
         require_listed(out, manifest, also=("report.html",), force=force)
         altered.pop("report.html", None)
         exports = exports_in(manifest)
-        with updating(out, foreign=foreign) as fresh:
+        left = "the recording is complete, its report page is not renewed"
+        with telling_interrupts(lambda: left), updating(out, foreign=foreign) as fresh:
             write_report_page(world, fresh, exports=exports, dataset=dataset_folder(out))
             write_manifest(world.site, fresh, exports=exports, altered=altered, foreign=foreign)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            "the recording is complete, its report page is not renewed"
-        ) from None
     except Exception as error:
         why = " ".join(str(error).split())[:300] or type(error).__name__
         _log.warning("recorded, but the report page is not written anew: %s", why)

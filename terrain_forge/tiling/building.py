@@ -105,8 +105,7 @@ def build_tiles(
     tiles = order.site.recipe.tiles
     if tiles is not None and tiles.parquet:
         require_parquet()
-    if not is_site(out):
-        require_paths_begin(order)
+    require_plain(out) if is_site(out) else require_paths_begin(order)
     save_order(order)
 
     def left() -> str:
@@ -115,7 +114,6 @@ def build_tiles(
         return f"{there}: the same command goes on from there"
 
     with holding(out), telling_interrupts(left):
-        require_plain(out)
         with storing(out, out):
             begin_site(order)
         missing = order.missing()

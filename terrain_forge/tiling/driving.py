@@ -14,8 +14,8 @@ from terrain_forge.base import OutputError, SimulationError, Stopwatch
 from terrain_forge.model import Check, Trajectory, exporter, failed
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers import rover_of
-from terrain_forge.tiling.making import STAGING, world_of
-from terrain_forge.tiling.order import TileOrder
+from terrain_forge.tiling.making import world_of
+from terrain_forge.tiling.order import STAGING, TileOrder
 from terrain_forge.tiling.routing import Land, reach_of
 from terrain_forge.validation import drive_checks, drive_json, read_checks
 

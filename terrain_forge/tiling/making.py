@@ -21,12 +21,9 @@ from terrain_forge.model import Tile, Window, World
 from terrain_forge.paths import known_within
 from terrain_forge.recipe import sha256
 from terrain_forge.rovers import rover_of
-from terrain_forge.tiling.order import TILE, TileOrder, load_order
+from terrain_forge.tiling.order import STAGING, TILE, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
-
-STAGING = ".terrain-forge"
-"""Where tiles are made, in the site's folder."""
 
 
 def make_tile(out: str, number: int) -> dict[str, Any]:

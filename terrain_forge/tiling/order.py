@@ -35,6 +35,8 @@ from terrain_forge.rocks import bank_reach, find_library, rock_margin
 from terrain_forge.terrain import stencil_reach
 
 FOLDER, ORDER = "site", "order.json"
+STAGING = ".terrain-forge"
+"""Where tiles are made, in the site's folder."""
 PLANNED = "site.json", "arrays.npz", ORDER
 """Files of the planned site."""
 TILE = "tile.json"
@@ -73,7 +75,7 @@ def require_plain(out: Path) -> None:
     Raises:
         OutputError: names the first.
     """
-    above = [path for path in sorted(out.iterdir()) if path.name not in ("tiles", ".terrain-forge")]
+    above = [path for path in sorted(out.iterdir()) if path.name not in ("tiles", STAGING)]
     within = (one for path in above if not path.is_symlink() for one in sorted(path.rglob("*")))
     for path in (*above, *within):
         if path.is_symlink() or not (path.is_dir() or path.is_file()):

@@ -195,7 +195,6 @@ def test_a_folder_of_others_is_left_alone(recipe, tmp_path):
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["geotiff/slope.vrt", "truth", "report.html"])
 @pytest.mark.parametrize("pipe", [False, True])
 def test_links_and_pipes_are_not_written_to(built, recipe, tmp_path, name, pipe):
@@ -210,6 +209,7 @@ def test_links_and_pipes_are_not_written_to(built, recipe, tmp_path, name, pipe)
     assert mine.read_text() == "precious"
 
 
+@pytest.mark.slow
 def test_tiles_that_fail_are_named_and_the_others_whole(built, recipe, tmp_path):
     out = tmp_path / "six"
     shutil.copytree(built, out)
