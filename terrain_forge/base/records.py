@@ -9,8 +9,19 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
-from typing import Any, ClassVar, Self, TypeVar
+from functools import cache, wraps
+from types import NoneType, UnionType
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,15 +182,62 @@ def to_plain(value: Any, arrays: dict[str, NDArray[Any]], path: str = "") -> Any
     return value
 
 
-def from_plain(plain: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """The value that `to_plain` made this from."""
+def from_plain(plain: Any, arrays: dict[str, NDArray[Any]], kind: type[T]) -> T:
+    """The value of type `kind` that `to_plain` made this from.
+
+    Raises:
+        LookupError: for a record or an array that is not there.
+        TypeError: where a value is not of the type that its field has.
+    """
+    value: T = _from_plain(plain, arrays)
+    _require("it", value, kind)
+    return value
+
+
+def _from_plain(plain: Any, arrays: dict[str, NDArray[Any]]) -> Any:
     if isinstance(plain, dict) and "record" in plain:
-        body = {k: from_plain(v, arrays) for k, v in plain.items() if k != "record"}
-        if plain["record"] not in TYPES:
+        body = {k: _from_plain(v, arrays) for k, v in plain.items() if k != "record"}
+        record = TYPES.get(plain["record"])
+        if record is None:
             raise LookupError(f"{plain['record']}: the package that brings it is not installed")
-        return TYPES[plain["record"]](**body)
+        for name, kind in _kinds(record).items():  # type: ignore[arg-type]
+            if name in body:
+                _require(f"{record.__name__}.{name}", body[name], kind)
+        return record(**body)
     if isinstance(plain, dict) and set(plain) == {"array"}:
         return arrays[plain["array"]]
     if isinstance(plain, list):
-        return tuple(from_plain(item, arrays) for item in plain)
+        return tuple(_from_plain(item, arrays) for item in plain)
     return plain
+
+
+@cache
+def _kinds(record: type[Record]) -> dict[str, Any]:
+    """The type of each field."""
+    hints = get_type_hints(record)
+    return {f.name: hints[f.name] for f in fields(record)}
+
+
+def _require(where: str, value: Any, kind: Any) -> None:
+    if not _is_of(value, kind):
+        wanted = getattr(kind, "__name__", str(kind)) if isinstance(kind, type) else str(kind)
+        raise TypeError(f"{where}: {_short(value)}, expected {wanted}")
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Whether a value read from a file is of an annotated type, as a type checker would say."""
+    outer, inner = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return True
+    if outer in (Union, UnionType):
+        return any(_is_of(value, one) for one in inner)
+    if outer is Literal:
+        return value in inner
+    if outer is tuple and isinstance(value, tuple):
+        each = inner[:1] * len(value) if inner[1:] == (...,) else inner
+        return len(value) == len(each) and all(map(_is_of, value, each))
+    if isinstance(value, bool):
+        return kind is bool
+    if kind is float:
+        return isinstance(value, int | float)
+    return isinstance(value, NoneType if kind is None else outer or kind)

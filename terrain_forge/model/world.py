@@ -171,7 +171,7 @@ class World(Record):
                 found = plain.get("format")
                 raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
             arrays = read_arrays(text.with_name(_ARRAYS)) | read_arrays(text.with_name(_SHARED))
-            world: World = from_plain(plain["world"], arrays)
+            world = from_plain(plain["world"], arrays, World)
             if plain["shared_rover"]:
                 world = world.replace(site=world.site.replace(custom_rover=world.rover))
             return world.replace(site=world.site.with_current_keys(text))

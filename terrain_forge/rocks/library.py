@@ -351,8 +351,8 @@ def _read(file: Path) -> RockLibrary | None:
     try:
         arrays = read_arrays(file)
         plain = json.loads(arrays.pop("plain").tobytes())
-        library = from_plain(plain["library"], arrays)
-        if isinstance(library, RockLibrary) and library.content_hash == plain["content_hash"]:
+        library = from_plain(plain["library"], arrays, RockLibrary)
+        if library.content_hash == plain["content_hash"]:
             return library
         logger.info("rock cache: %s does not hold what it should", file)
     except _BROKEN as error:

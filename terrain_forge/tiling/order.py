@@ -297,7 +297,8 @@ def _load(out: str, *state: int) -> TileOrder:
     told = _read(folder / ORDER)
     try:
         with reading(FOLDER):
-            site: Site = from_plain(_read(folder / "site.json"), read_arrays(folder / "arrays.npz"))
+            plain, arrays = _read(folder / "site.json"), read_arrays(folder / "arrays.npz")
+            site = from_plain(plain, arrays, Site)
             return TileOrder(
                 out=Path(out),
                 site=site,

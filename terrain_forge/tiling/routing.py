@@ -128,9 +128,7 @@ def load_routes(out: Path) -> tuple[Route, ...] | None:
     try:
         plain = read_json(table, table.name, most=MOST)
         with reading(binary.name):
-            routes: tuple[Route, ...] = from_plain(plain, read_arrays(binary))
-            if not all(isinstance(route, Route) for route in routes):
-                raise DataError("it holds what is no route")
+            routes = from_plain(plain, read_arrays(binary), tuple[Route, ...])
     except DataError as error:
         raise OutputError(
             f"{table} is damaged: {error}; move it away, and build again, which plans anew"

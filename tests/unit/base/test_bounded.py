@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import struct
 import zipfile
 
@@ -50,6 +51,38 @@ def test_objects_are_not_unpacked(tmp_path):
     archive(tmp_path / "a.npz", stream.getvalue())
     with pytest.raises(DataError, match=r"not of the size|Object arrays"):
         read_arrays(tmp_path / "a.npz")
+
+
+def leaves(plain, place=()):
+    """Where the values of a JSON document stand."""
+    if not isinstance(plain, dict | list) or not plain:
+        yield place
+        return
+    for key, value in plain.items() if isinstance(plain, dict) else enumerate(plain):
+        yield from leaves(value, (*place, key))
+
+
+def swapped(plain, place, value):
+    """A copy of a JSON document with another value at a place."""
+    if not place:
+        return value
+    changed = plain.copy()
+    changed[place[0]] = swapped(plain[place[0]], place[1:], value)
+    return changed
+
+
+@pytest.mark.parametrize("other", [{"a": 1}, [["x"]]], ids=["mapping", "list"])
+def test_a_saved_world_holds_values_of_its_own_types(tmp_path, small_world, other):
+    text = small_world.save(tmp_path)[0]
+    plain = json.loads(text.read_text())
+    places = [place for place in leaves(plain["world"]) if place[-1] != "record"]
+    assert len(places) > 300
+    for place in places[:: len(places) // 60]:
+        found = {**plain, "world": swapped(plain["world"], place, other)}
+        text.write_text(json.dumps(found))
+        with pytest.raises(OutputError, match="no readable terrain-forge world") as caught:
+            World.load(tmp_path)
+        assert "\n" not in str(caught.value)
 
 
 def test_a_world_of_nothing_readable(tmp_path):

@@ -60,6 +60,15 @@ def test_routes_that_are_none_are_named(copied, recipe, content):
     assert "site/routes.json is damaged" in done.complaints[-1]
 
 
+def test_a_description_of_other_types_is_named(copied, tmp_path):
+    path = copied / "site/site.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "dtm": "a"}))
+    done = command.run("cut", copied, "--centre", "1,1", "--size", "4,4", "-o", tmp_path / "part")
+    assert done.returncode == 2
+    assert "damaged: " in done.complaints[-1]
+    assert "Site.dtm: 'a'" in done.complaints[-1]
+
+
 def test_a_tile_that_says_something_else_of_itself_is_named(copied, recipe):
     path = copied / "tiles/000/001/tile.json"
     told = json.loads(path.read_text())
