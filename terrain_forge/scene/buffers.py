@@ -99,14 +99,17 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
 
 
 def _sky(lighting: Lighting, albedo: Array) -> tuple[Array, Array, Array, float]:
-    """The sky's part of the light on level ground, its two tables, what is added, what gets in."""
+    """The sky's part of the light on level ground, its two tables, what is added, what gets in.
+
+    The aureole is the Sun's part: it shines from there, and what hides the Sun hides most of it.
+    """
     colour = np.asarray(lighting.sky_rgb, dtype=np.float64)
     if lighting.dust is not None:
         day = daylight(lighting.dust, float(lighting.towards_sun[2]), albedo)
         whole = day.direct + day.diffuse
         through = float(whole.mean())
         dome = np.stack([day.across / through, day.around])
-        return day.diffuse / whole, dome, day.rest / through, through
+        return (day.diffuse - day.aureole) / whole, dome, day.rest / through, through
     if not colour.max() > 0.0:
         return np.zeros(3), np.zeros((2, 2, 3)), np.zeros(3), 1.0
     # A body with a sky but without figures of its dust: a third of the light, darker overhead.

@@ -12,12 +12,12 @@ from terrain_forge.base import inner, mix
 
 _TURN_COS, _TURN_SIN = 0.4472135954999579, 0.8944271909999159
 _COMPONENT = 1.0 / 32768.0
-CLAST_CELLS = 0.16, 0.09, 0.05, 0.028
+CLAST_CELLS = 0.16, 0.09, 0.05
 """Cells of pebbles, at most one in each [m]."""
 LEAST_CLAST, MORE_CLAST = 0.10, 0.12
 """Radii of pebbles in their cells: the smallest, and what the largest have more."""
-CLAST_RISE = 1.9
-"""Steepness of a pebble's edge, whose height is a quarter of that over its radius."""
+CLAST_RISE = 1.5
+"""Steepness of a pebble's edge, whose height is a third of that over its radius."""
 SLAB_CELL = 0.62
 """Size of slabs of bedrock [m]."""
 SLAB_JOINT = 0.035
@@ -32,11 +32,35 @@ SOIL_HURST = 0.55
 doi:10.1006/icar.1999.6160), 0.54 to 0.61 at the Pathfinder site."""
 SOIL_STEP = 0.48
 """Length of waves over that of the next longer."""
-SOIL_WARP = 1.0
+SOIL_WARP = 0.5
 """How far the waves before move those after, in their lengths, so that no lattice shows."""
 SOIL_SHOWN = 1.8, 3.8
 """Lengths of waves, in pixels, from which on they begin to show, and show in full: what a pixel's
 own size leaves of them; optics blur them besides."""
+CRUMB_WAVES = 0.004, 0.06
+"""Shortest and longest waves of soil out of whose tops crumbs come [m]."""
+CRUMB_FEW, CRUMB_MORE = 0.42, 0.5
+"""Height of unit noise from which on there are crumbs, where the soil has none, and what of it goes
+with the share of places that hold a pebble: at 0.6 a fifth of the ground for each length of waves.
+"""
+CRUMB_ANY = 10.0
+"""How fast crumbs come with that share: soil without pebbles has none."""
+CRUMB_RARER = 3.0
+"""What is more of that height for each metre of wave: large crumbs are rarer."""
+CRUMB_PATCHY = 3.0
+"""How much the waves before gather crumbs."""
+CRUMB_RISE = 0.11
+"""Height of a crumb over the length of its wave."""
+CRUMB_SMOOTH = 0.6
+"""How much less steep waves are that have crumbs, which are the roughness there."""
+CRUMB_EDGE = 0.15
+"""Unit noise from a crumb's edge to its top."""
+CRUMB_SOFT = 0.04
+"""Unit noise over which an edge is drawn."""
+CRUMB_SHADOW = 0.3
+"""How far the shadow of a crumb falls at most, in lengths of its wave."""
+CRUMB_TONE = 4.0
+"""How much the waves before brighten or darken a crumb."""
 _ROUGHER = SOIL_STEP ** (SOIL_HURST - 1.0)
 _PRIMES = (
     np.uint64(0x9E3779B185EBCA87),
@@ -90,18 +114,22 @@ def noise_2d(key, x, y):  # type: ignore[no-untyped-def]
 
 
 @inner
-def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
+def soil(key, x, y, coarsest, grain, sun_x, sun_y, footprint):  # type: ignore[no-untyped-def]
     """Fine relief of loose ground below `coarsest` [m], faded out where a pixel cannot show it.
 
-    Returns a value of about -1 to 1 for the albedo, and the rise per metre along x and y.
+    Crumbs are what of shorter waves stands above a height, so that no two have one outline.
+    Returns a value of about -1 to 1 for the albedo, the rise per metre along x and y, and the depth
+    of the crumbs' shadows (0 to 1).
     """
-    value, slope_x, slope_y, warp_u, warp_v = 0.0, 0.0, 0.0, 0.0, 0.0
+    value, slope_x, slope_y, warp_u, warp_v, shade = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     wavelength, weight, cos, sin = (
         coarsest,
         (coarsest / SOIL_COARSEST) ** (SOIL_HURST - 1.0),
         1.0,
         0.0,
     )
+    to_sun = min(CRUMB_RISE, CRUMB_SHADOW / (np.sqrt(sun_x * sun_x + sun_y * sun_y) + 1e-9))
+    to_x, to_y = to_sun * sun_x, to_sun * sun_y
     for octave in range(12):
         shown = min(1.0, (wavelength / footprint - SOIL_SHOWN[0]) / (SOIL_SHOWN[1] - SOIL_SHOWN[0]))
         if shown <= 0.0 or wavelength < 0.002:
@@ -109,15 +137,27 @@ def soil(key, x, y, coarsest, footprint):  # type: ignore[no-untyped-def]
         u = (cos * x - sin * y) / wavelength + 0.37 * octave + warp_u
         v = (sin * x + cos * y) / wavelength + 0.71 * octave + warp_v
         height, rise_u, rise_v = noise_2d(mix(key, np.uint64(octave)), u, v)
-        steep = SOIL_STEEP * shown * weight
+        steep = SOIL_STEEP * shown * weight * grain[1]
+        value += 0.5 * shown * height
+        if CRUMB_WAVES[0] <= wavelength <= CRUMB_WAVES[1]:
+            some = grain[0] * min(1.5, max(0.0, 1.0 + CRUMB_PATCHY * value))
+            over = height - CRUMB_FEW - CRUMB_RARER * wavelength + CRUMB_MORE * some
+            soft = max(CRUMB_SOFT, 0.5 * footprint / wavelength)
+            there = shown * min(1.0, CRUMB_ANY * some)
+            cover = there * min(1.0, max(0.0, over / soft))
+            ahead = over + rise_u * (cos * to_x - sin * to_y) + rise_v * (sin * to_x + cos * to_y)
+            dark = there * min(1.0, max(0.0, ahead / soft))
+            shade = max(shade * (1.0 - cover), dark - cover)
+            steep *= max(0.0, 1.0 - CRUMB_SMOOTH * some)
+            steep += 2.0 * CRUMB_RISE / CRUMB_EDGE * cover * max(0.0, 1.0 - over / CRUMB_EDGE)
+            value += CRUMB_TONE * cover * warp_u
         slope_x += steep * (cos * rise_u + sin * rise_v)
         slope_y += steep * (cos * rise_v - sin * rise_u)
-        value += 0.5 * shown * height
         warp_u, warp_v = SOIL_WARP * height, SOIL_WARP * 0.4 * rise_u
         cos, sin = cos * _TURN_COS - sin * _TURN_SIN, sin * _TURN_COS + cos * _TURN_SIN
         wavelength *= SOIL_STEP
         weight *= _ROUGHER
-    return value, slope_x, slope_y
+    return value, slope_x, slope_y, shade
 
 
 @inner
@@ -142,7 +182,7 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     away, along_x, along_y = _hexagon(p, q)
     soft = max(0.1, footprint / radius)
     cover = min(1.0, max(0.0, (1.0 - away) / soft))
-    steep = CLAST_RISE * cover * min(away * away * away, 1.0)
+    steep = CLAST_RISE * cover * min(away * away, 1.0)
     rise_x = -steep * along_x * long
     rise_y = -steep * (along_x * shear + along_y / long)
     behind_x, behind_y = off_x + 0.25 * sun_x, off_y + 0.25 * sun_y
@@ -219,9 +259,8 @@ def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # 
     (0 to 1), rise per metre along east and north.
     """
     coarsest = min(SOIL_COARSEST, 1.5 * spacing)
-    tint, rise_x, rise_y = soil(key, east, north, coarsest, footprint)
-    rise_x, rise_y = rise_x * grain[1], rise_y * grain[1]
-    bright, shade = 1.0 + 0.22 * tint, 0.0
+    tint, rise_x, rise_y, shade = soil(key, east, north, coarsest, grain, sun_x, sun_y, footprint)
+    bright = 1.0 + 0.22 * tint
     some = grain[0] * min(1.5, max(0.2, 1.0 + 1.2 * tint))
     if grain[2] > 0.0:
         joint, slab_x, slab_y, tone = slabs(key, east, north, footprint)
@@ -234,6 +273,6 @@ def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # 
             footprint,
         )  # fmt: skip
         rise_x, rise_y = rise_x * (1.0 - cover) + stone_x, rise_y * (1.0 - cover) + stone_y
-        bright *= 1.0 + cover * (0.28 * tone - 0.06)
+        bright *= 1.0 + cover * (0.35 * tone - 0.08)
         shade = max(shade * (1.0 - cover), dark)
     return bright, shade, rise_x, rise_y

@@ -21,6 +21,7 @@ from terrain_forge.scene.relief import (
     PLACE_Y,
     RISE_X,
     RISE_Y,
+    SHADED,
     SHADOWED,
     SLABBY,
     VALUE,
@@ -36,7 +37,7 @@ _LONG, _SHEAR, _SOFT, _DOME, _DARK_REACH, _DARK_SOFT = (
     np.float32(n) for n in (0.3, 0.6, 0.1, CLAST_RISE, 1.1, 0.25)
 )
 _TONE, _DULL, _TINT, _MORE, _LEAST, _MOST = (
-    np.float32(n) for n in (0.28, 0.06, 0.22, 1.2, 0.2, 1.5)
+    np.float32(n) for n in (0.35, 0.08, 0.22, 1.2, 0.2, 1.5)
 )
 _HEXAGON, _FLAT, _ROUND, _FREE, _BEHIND, _NONE = (
     np.float32(n) for n in (0.8660254, 0.6, 0.4, 1.4, 0.25, 1e-9)
@@ -51,7 +52,7 @@ def clast_lanes(space, relief):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         tint = space[VALUE + lane]
         space[COVER + lane] = space[PEBBLY + lane] * min(_MOST, max(_LEAST, _1 + _MORE * tint))
-        space[VALUE + lane], space[SHADOWED + lane] = _1 + _TINT * tint, _0
+        space[VALUE + lane], space[SHADOWED + lane] = _1 + _TINT * tint, space[SHADED + lane]
         slabby = max(slabby, space[SLABBY + lane])
     if slabby > _0:
         _slab_lanes(space, relief)
@@ -103,7 +104,7 @@ def clast_lanes(space, relief):  # type: ignore[no-untyped-def]
             to_x, to_y = _FLAT * to_x + _ROUND * p / round_, _FLAT * to_y + _ROUND * q / round_
             soft = max(_SOFT, pixel / radius)
             cover = there * min(_1, max(_0, (_1 - r) / soft))
-            steep = _DOME * cover * min(_1, r * r * r)
+            steep = _DOME * cover * min(_1, r * r)
             back_x, back_y = x + sun_x, y + sun_y
             far = np.sqrt(back_x * back_x + back_y * back_y)
             dark = there * min(_1, max(_0, (_DARK_REACH - far) / max(_DARK_SOFT, soft)))

@@ -16,6 +16,18 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, inner
 from terrain_forge.scene.grain import (
     CLAST_CELLS,
+    CRUMB_ANY,
+    CRUMB_EDGE,
+    CRUMB_FEW,
+    CRUMB_MORE,
+    CRUMB_PATCHY,
+    CRUMB_RARER,
+    CRUMB_RISE,
+    CRUMB_SHADOW,
+    CRUMB_SMOOTH,
+    CRUMB_SOFT,
+    CRUMB_TONE,
+    CRUMB_WAVES,
     SLAB_CELL,
     SOIL_COARSEST,
     SOIL_HURST,
@@ -48,13 +60,14 @@ from terrain_forge.scene.words import (
     PEBBLY,
     ROUGH,
     SLABBY,
-) = (LANES * row for row in range(13))
+    SHADED,
+) = (LANES * row for row in range(14))
 """Where the lanes' numbers begin in a workspace: a place [m], the size of a pixel there [m], the
 albedo's noise, the rise per metre, and of pebbles how much of the pixel they cover and the part
-of sunlight that they keep off, and the ground's grain: share of cells with a pebble, roughness of
-the soil, how much of it is slabs."""
+of sunlight that they keep off, the ground's grain (share of cells with a pebble, roughness of
+the soil, how much of it is slabs), and the part of sunlight that crumbs of soil keep off."""
 WARP_U, WARP_V = COVER, SHADOWED  # free until there are pebbles
-RELIEF_ROWS = 13
+RELIEF_ROWS = 14
 
 _OCTAVES = 12
 _FINEST = 0.002  # shortest waves [m]
@@ -64,6 +77,13 @@ _0, _HALF, _1, _2 = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0))
 _BEGIN, _GROW = np.float32(SOIL_SHOWN[0]), np.float32(1.0 / (SOIL_SHOWN[1] - SOIL_SHOWN[0]))
 _WARP, _ACROSS = np.float32(SOIL_WARP), np.float32(0.4 * SOIL_WARP)
 _ONE = np.int32(1)
+_SHORT, _LONG, _FEW, _MORE, _SOFT, _TONE = (
+    np.float32(n) for n in (*CRUMB_WAVES, CRUMB_FEW, CRUMB_MORE, CRUMB_SOFT, CRUMB_TONE)
+)
+_HIGH, _FAR, _EDGE = np.float32(CRUMB_RISE), np.float32(CRUMB_SHADOW), np.float32(1 / CRUMB_EDGE)
+_MOST, _ANY, _RARER, _PATCHY, _SMOOTH, _NONE = (
+    np.float32(n) for n in (1.5, CRUMB_ANY, CRUMB_RARER, CRUMB_PATCHY, CRUMB_SMOOTH, 1e-9)
+)
 
 
 class Relief(NamedTuple):
@@ -159,9 +179,12 @@ def finest(space):  # type: ignore[no-untyped-def]
 
 
 @inner
-def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
-    """Fine relief of loose ground, faded out where a pixel cannot show it."""
+def soil_lanes(space, relief, octaves, keys):  # type: ignore[no-untyped-def]
+    """Fine relief of loose ground, faded out where a pixel cannot show it, and its crumbs."""
+    sun_x, sun_y = relief.shadow
+    to_sun = min(_HIGH, _FAR / (np.sqrt(sun_x * sun_x + sun_y * sun_y) + _NONE))
     for lane in range(LANES):
+        space[SHADED + lane] = _0
         space[VALUE + lane], space[RISE_X + lane], space[RISE_Y + lane] = _0, _0, _0
         space[WARP_U + lane], space[WARP_V + lane] = _0, _0
     least = finest(space)
@@ -174,6 +197,8 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
             keys[octave, 0], np.int32(keys[octave, 1]), np.int32(keys[octave, 2])
         )  # fmt: skip
         per_metre = _1 / wave
+        crumbly = _1 if _SHORT <= wave <= _LONG else _0
+        to_u, to_v = to_sun * (cos * sun_x - sin * sun_y), to_sun * (sin * sun_x + cos * sun_y)
         for lane in range(LANES):
             x, y = space[PLACE_X + lane], space[PLACE_Y + lane]
             u = (cos * x - sin * y) * per_metre + start_u + space[WARP_U + lane]
@@ -195,8 +220,19 @@ def soil_lanes(space, octaves, keys):  # type: ignore[no-untyped-def]
             rise_u += fading32(s) * (q * twist + se - sw)
             rise_v += fading32(t) * (p * twist + nw - sw)
             shown = min(_1, max(_0, (wave / space[FOOTPRINT + lane] - _BEGIN) * _GROW))
+            value = space[VALUE + lane] + _HALF * shown * height
+            some = space[PEBBLY + lane] * min(_MOST, max(_0, _1 + _PATCHY * value))
+            over = height - _FEW - _RARER * wave + _MORE * some
+            sharp = _1 / max(_SOFT, _HALF * space[FOOTPRINT + lane] * per_metre)
+            there = crumbly * shown * min(_1, _ANY * some)
+            cover = there * min(_1, max(_0, over * sharp))
+            ahead = over + rise_u * to_u + rise_v * to_v
+            dark = there * min(_1, max(_0, ahead * sharp)) - cover
+            space[SHADED + lane] = max(space[SHADED + lane] * (_1 - cover), dark)
+            space[VALUE + lane] = value + _TONE * cover * space[WARP_U + lane]
             steeper = steep * shown * space[ROUGH + lane]
+            steeper *= max(_0, _1 - crumbly * _SMOOTH * some)
+            steeper += _2 * _HIGH * _EDGE * cover * max(_0, _1 - over * _EDGE)
             space[RISE_X + lane] += steeper * (cos * rise_u + sin * rise_v)
             space[RISE_Y + lane] += steeper * (cos * rise_v - sin * rise_u)
-            space[VALUE + lane] += _HALF * shown * height
             space[WARP_U + lane], space[WARP_V + lane] = _WARP * height, _ACROSS * rise_u

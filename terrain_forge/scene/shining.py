@@ -127,7 +127,7 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
     for lane in range(LANES):
         space[PLACE_X + lane] = space[HIT_X + lane] - anchor[0]
         space[PLACE_Y + lane] = space[HIT_Y + lane] - anchor[1]
-    soil_lanes(space, octaves, keys)
+    soil_lanes(space, relief, octaves, keys)
     clast_lanes(space, relief)
     for lane in range(LANES):
         if space[OWNER + lane] != owner:

@@ -22,6 +22,7 @@ SKY_STEPS = 512
 _LEAST = 0.0175
 """Least sine of the Sun's elevation."""
 _LOOKS = 96
+_AUREOLE = 0.966  # cosine of 15°
 
 
 class Daylight(NamedTuple):
@@ -31,6 +32,9 @@ class Daylight(NamedTuple):
     """From the Sun, linear red, green, blue."""
     diffuse: Array
     """From the sky."""
+    aureole: Array
+    """What of `diffuse` comes from within 15° of the Sun: a thing that hides the Sun hides it too.
+    """
     across: Array
     """How much dust shines towards the ground by the sine of the elevation, (k / (SKY_STEPS - 1))²,
     shape [SKY_STEPS, 3]."""
@@ -81,9 +85,11 @@ def daylight(dust: Dust, sine: float, ground: Array) -> Daylight:
     single = _flux(across, around, level)
     # What scatters once cannot be more than all; where the two-stream is below, it is scaled.
     around = around * np.minimum(1.0, diffuse / np.maximum(single, 1e-12))
+    near = around * (cosine > _AUREOLE)[:, None]
     return Daylight(
         direct=np.full(3, beam),
         diffuse=diffuse,
+        aureole=_flux(across, near, level),
         across=across,
         around=around,
         rest=np.maximum(diffuse - single, 0.0),

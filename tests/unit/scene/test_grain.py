@@ -1,0 +1,63 @@
+"""Soil finer than the ground's grid: as rough as measured, crumbs with shadows behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import njit
+
+from terrain_forge.scene import ground_grain
+
+KEY, COUNT, SPACING = np.uint64(77), 60_000, 0.25
+
+
+@njit
+def grain_at(places, share, sun, pixel):
+    """Brightness, shadow, rise east and north at places [m], shape [n, 4]."""
+    found = np.empty((len(places), 4))
+    for n in range(len(places)):
+        found[n] = ground_grain(
+            KEY, (share, 1.0, 0.0), sun[0], sun[1], places[n, 0], places[n, 1], SPACING, pixel
+        )
+    return found
+
+
+def places(seed=5):
+    return np.random.default_rng(seed).uniform(-40.0, 40.0, (COUNT, 2))
+
+
+@pytest.mark.parametrize(
+    ("pixel", "degrees"), [(0.03, 5.0), (0.01, 9.0), (0.005, 13.0), (0.002, 19.0), (0.001, 24.0)]
+)
+def test_soil_is_as_rough_as_measured_with_crumbs_or_without(pixel, degrees):
+    for share in (0.0, 0.6):
+        rise = grain_at(places(), share, (1.0, 0.0), pixel)[:, 2:]
+        tilt = np.degrees(np.arctan(np.hypot(*rise.T)))
+        assert np.sqrt((tilt**2).mean()) == pytest.approx(degrees, rel=0.25)
+
+
+def test_a_low_sun_has_longer_shadows():
+    shade = [grain_at(places(), 0.6, (sun, 0.0), 0.002)[:, 1].mean() for sun in (0.0, 1.0, 3.0)]
+    assert shade[0] < 0.5 * shade[1]
+    assert shade[1] < shade[2]
+
+
+def test_shadows_lie_on_the_side_that_the_sun_does_not_see():
+    """Ground in a crumb's shadow has the crumb between itself and the Sun: it rises towards it."""
+    step = 0.002
+    for turn in (0.3, 2.0, 4.4):
+        to_sun = np.array([np.cos(turn), np.sin(turn)])
+        here = places()
+        shade = grain_at(here, 0.6, tuple(1.5 * to_sun), 0.001)[:, 1]
+        near, behind = (
+            grain_at(here + side * step * to_sun, 0.6, tuple(1.5 * to_sun), 0.001)
+            for side in (1.0, -1.0)
+        )
+        dark = shade > 0.5
+        assert 0.02 < dark.mean() < 0.4
+        assert near[dark, 2:].mean(axis=0) @ to_sun > 0.1
+        assert abs(behind[~dark, 2:].mean(axis=0) @ to_sun) < 0.05
+
+
+def test_ground_without_pebbles_has_no_shadows():
+    assert grain_at(places(), 0.0, (3.0, 0.0), 0.002)[:, 1].max() == 0.0
