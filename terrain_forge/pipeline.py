@@ -437,3 +437,4 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     if recipe.worlds is not None:
         variation.require_drawable(recipe)
         yield f"worlds         {variation.variation_line(recipe)}"
+        yield f"  cost         {building.series_line(site, orders)}"

@@ -6,6 +6,7 @@ from .checking import fetch_lines as fetch_lines
 from .checking import site_lines as site_lines
 from .cost import learn as learn
 from .cost import pace as pace
+from .cost import series_line as series_line
 from .cost import stage_seconds as stage_seconds
 from .manifest import FolderState as FolderState
 from .manifest import altered_files as altered_files

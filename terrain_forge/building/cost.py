@@ -21,7 +21,7 @@ from tempfile import NamedTemporaryFile
 import numpy as np
 
 from terrain_forge import validation
-from terrain_forge.base import cache_folder
+from terrain_forge.base import cache_folder, size_text
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
 from terrain_forge.recipe import (
@@ -52,6 +52,8 @@ CONSUMER = 3.0
 """Time that an export's own programs take to begin [s]."""
 OTHER_SIZE = (100, 4000)
 """Bytes of an export for each node and rock whose options have no `bytes_each`."""
+PICTURES = 6e6
+"""Bytes of an export's textures and horizon."""
 WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
 """Bytes of all but the exports, and what each node and rock adds to them."""
 HELD, DRIVEN = 0.4, 0.15e9
@@ -60,6 +62,8 @@ CALIBRATED = 0.021
 """How long the machine of the rates takes for the work of `pace` [s]."""
 DETOUR = 1.2
 """Length of a planned path over that of the straight lines between its places."""
+SERIES_TIME, SERIES_SIZE = (0.12, 1.2e-6, 8e-5), (1.1e6, 30, 100)
+"""Time [s] and bytes of one of many worlds but for its exports, and what nodes and rocks add."""
 LIBRARY = "rock library"
 """The stage that takes no time where its result is in the cache."""
 SHORTEST = 0.2
@@ -144,7 +148,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     recipe = site.recipe
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    exported = _exported(orders, nodes, rocks)
     written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
     read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, validation.MOST_WATCHED) * WATCHING if dynamic else 0.0
@@ -171,13 +175,20 @@ def export_bytes(order: ExportOrder, *, nodes: float, rocks: float) -> float:
     return each_node * nodes + each_rock * rocks
 
 
+def _exported(orders: Sequence[ExportOrder], nodes: float, rocks: float) -> float:
+    """Bytes of all exports."""
+    pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
+    each = (export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    return PICTURES * pictured + sum(each)
+
+
 def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     """Size, time, memory and disk of a build, as a line."""
     recipe = site.recipe
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
-    exported = sum(export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
+    exported = _exported(orders, nodes, rocks)
     disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
@@ -194,11 +205,29 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     return f"{told}{seconds:.0f} s, {memory / 1e9:.1f} GB of memory, {disk / 1e6:,.0f} MB on disk"
 
 
+def series_line(site: Site, orders: Sequence[ExportOrder]) -> str:
+    """What the many worlds of a recipe cost, of which each is made without page and validation."""
+    recipe = site.recipe
+    amounts = 1.0, expected_nodes(recipe), rocks_of(site)
+    exported = sum(export_bytes(order, nodes=amounts[1], rocks=amounts[2]) for order in orders)
+    seconds = _sum(SERIES_TIME, amounts) + exported * WRITING
+    size = _sum(SERIES_SIZE, amounts) + exported
+    each, count = pace() * seconds, recipe.worlds.count if recipe.worlds else 1
+    return (
+        f"about {each:.2g} s of a core and {size_text(size)} each; {count:,}: "
+        f"{each * count / 60:,.1f} min of a core, {size_text(size * count)}"
+    )
+
+
 def stage_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     """Time of those stages that take any, as a line."""
     stages = stage_seconds(site, orders)
     told = (f"{stage} {seconds:.2g} s" for stage, seconds in stages.items() if seconds >= TOLD)
     return ", ".join(told)
+
+
+def _sum(rates: Sequence[float], amounts: Sequence[float]) -> float:
+    return sum(rate * amount for rate, amount in zip(rates, amounts, strict=True))
 
 
 def _pictures(orders: Sequence[ExportOrder]) -> float:

@@ -84,7 +84,10 @@ def make_worlds(
             progress=display,
         )
     rate = result.made / max(display.elapsed, 1e-9)
-    say(f"{out}: {len(result.folders):,} worlds, {result.made:,} made now, {rate:.1f} a second")
+    there = len(result.folders)
+    say(
+        f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, {rate:.1f} a second"
+    )
     arrive = [read_summary(one)["measured"].get("arrive") for one in result.folders]
     if known := [one for one in arrive if one is not None]:
         low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))

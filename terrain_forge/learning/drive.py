@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from pydantic import ConfigDict, NonNegativeInt, TypeAdapter, ValidationError
 
-from terrain_forge.base import Array, OutputError
+from terrain_forge.base import Array, Fraction, OutputError, Positive, complaint
 from terrain_forge.driving import TURN_RATE, eased, wheel_rates
 from terrain_forge.learning.arena import Arena, find_parts, load_arena
 from terrain_forge.learning.sight import DepthCamera, HeightScan
@@ -32,6 +36,33 @@ STUCK_TIME, STUCK_WAY = 5.0, 0.1
 """A rover that moves less than so far [m] in so long [s] is stuck."""
 _SETTLING = 0.5
 _TRIES = 200
+_Difficulty = tuple[Fraction, Fraction] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Wished:
+    """Which worlds are wished."""
+
+    difficulty: _Difficulty
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Arguments(_Wished):
+    """What an environment may be asked for."""
+
+    numbers: tuple[NonNegativeInt, ...] | None
+    distance_m: Positive
+    speed_m_s: Positive
+    sight: Literal["heights", "depth", "none"]
+    render_mode: Literal["rgb_array"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reset:
+    """What a reset may be asked for."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
+    world: NonNegativeInt | str | None = None
 
 
 class DriveEnv(gymnasium.Env[Observation, Array]):
@@ -40,15 +71,18 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
     Args:
         worlds: Folder that `terrain-forge worlds` made, with MJCF exports; without it a few worlds
             of our own, which are made once.
-        difficulty: Only worlds whose wished difficulty lies between these.
+        difficulty: Only worlds whose wished difficulty lies between these, 0 to 1. The attribute of
+            this name can be set, for a curriculum; the next reset goes by it.
         numbers: Only worlds of these numbers, such as those to train on.
         distance_m: From start to goal.
         speed_m_s: Speed of the action 1.
         sight: What it sees of the ground ahead: `heights`, `depth`, or `none`.
-        render_mode: `rgb_array` for pictures, which need OpenGL.
+        render_mode: `rgb_array` for pictures, which need OpenGL: without a display set the
+            environment variable MUJOCO_GL to egl or osmesa before Python begins.
 
     Raises:
         OutputError: if there are no such worlds.
+        ValueError: for an argument that cannot be.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": int(RATE)}  # noqa: RUF012
@@ -64,7 +98,19 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         sight: Literal["heights", "depth", "none"] = "heights",
         render_mode: str | None = None,
     ) -> None:
-        self.folders = _folders(Path(worlds) if worlds else starter_worlds(), difficulty, numbers)
+        _require(
+            TypeAdapter(_Arguments),
+            {
+                "difficulty": difficulty,
+                "numbers": None if numbers is None else [int(number) for number in numbers],
+                "distance_m": distance_m,
+                "speed_m_s": speed_m_s,
+                "sight": sight,
+                "render_mode": render_mode,
+            },
+        )
+        self._all = _folders(Path(worlds) if worlds else starter_worlds(), numbers)
+        self.difficulty = difficulty
         self.render_mode = render_mode
         self._distance, self._speed = distance_m, speed_m_s
         self._limit = 4.0 * distance_m / speed_m_s
@@ -86,6 +132,23 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[assignment]
         self._renderer: Any = None
 
+    @property
+    def difficulty(self) -> _Difficulty:
+        """Between which wished difficulties its worlds lie; None for all.
+
+        Raises:
+            OutputError: when set to what no world has.
+            ValueError: when set to other than two numbers of 0 to 1.
+        """
+        return self._difficulty
+
+    @difficulty.setter
+    def difficulty(self, between: _Difficulty) -> None:
+        _require(TypeAdapter(_Wished), {"difficulty": between})
+        self.folders = self._all if between is None else _of_difficulty(self._all, between)
+        """Folders of the worlds that it draws from."""
+        self._difficulty = between
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -93,13 +156,16 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
         Args:
             seed: Of all that follows.
-            options: `world`, the place of a world among those of the environment.
+            options: `world`, the number of a world, or the name of its folder.
+
+        Raises:
+            OutputError: if there is no such world, or in none a way that long.
+            ValueError: for other options.
         """
         super().reset(seed=seed)
-        wished = (options or {}).get("world")
-        order = self.np_random.permutation(len(self.folders)) if wished is None else [wished]
-        for number in order:
-            arena = load_arena(self.folders[number])
+        order = self._asked(options or {})
+        for folder in order:
+            arena = load_arena(folder)
             if mission := self._mission(arena):
                 break
         else:
@@ -122,6 +188,19 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         self._trail = [self._place()]
         return self._observe(), self._told("")
 
+    def _asked(self, options: dict[str, Any]) -> list[Path]:
+        """The worlds to begin in, by their order."""
+        _require(TypeAdapter(_Reset), options)
+        world = options.get("world")
+        if world is None:
+            return [self.folders[n] for n in self.np_random.permutation(len(self.folders))]
+        name = world if isinstance(world, str) else f"{world:05}"
+        found = [path for path in self._all if path.name == name]
+        if not found:
+            last = f"{self._all[0].name} to {self._all[-1].name}"
+            raise OutputError(f"reset: no world {name} among {len(self._all)}, {last}")
+        return found
+
     def _enter(self, arena: Arena) -> None:
         if len(arena.rover.wheels) != len(self.arena.rover.wheels):
             raise OutputError(f"{arena.folder} has another rover than {self.arena.folder}")
@@ -130,10 +209,16 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             self.close()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for a tenth of a second: speed and turn rate, each -1 to 1."""
+        """Drive for a tenth of a second: speed and turn rate, each -1 to 1; beyond it is cut.
+
+        Raises:
+            ValueError: for an action that holds what is no number.
+        """
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
         ahead, aside = (min(max(float(one), -1.0), 1.0) for one in action)
+        if math.isnan(sum(map(float, action))):
+            raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
         self._action = ahead, aside
         speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)
@@ -240,9 +325,14 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         return None
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """A picture from behind and above, where the render mode asks for it."""
+        """A picture from behind and above, where the render mode asks for it.
+
+        Raises:
+            OutputError: without a display, where MuJoCo was not told to draw without one.
+        """
         if self.render_mode != "rgb_array":
             return None
+        _require_display()
         if self._renderer is None:
             self._renderer = mujoco.Renderer(self.arena.model, 360, 640)
         camera = mujoco.MjvCamera()
@@ -261,10 +351,30 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             self._renderer = None
 
 
-def _folders(
-    worlds: Path, difficulty: tuple[float, float] | None, numbers: Sequence[int] | None
-) -> tuple[Path, ...]:
-    """Folders of the worlds that are wished.
+def _require(adapter: TypeAdapter[Any], given: Any) -> None:
+    """Refuse arguments by name, in a line.
+
+    Raises:
+        ValueError: if they cannot be.
+    """
+    try:
+        adapter.validate_python(given)
+    except ValidationError as error:
+        raise ValueError(str(complaint(error, adapter, given))) from None
+
+
+def _require_display() -> None:
+    """MuJoCo ends the process where GLFW finds no display."""
+    windows = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"} & os.environ.keys()
+    if sys.platform == "linux" and not windows:
+        raise OutputError(
+            "pictures need OpenGL, and there is no display: set MUJOCO_GL=egl or MUJOCO_GL=osmesa "
+            "before Python begins"
+        )
+
+
+def _folders(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
+    """Folders of the worlds of some numbers.
 
     Raises:
         OutputError: if there is none.
@@ -275,10 +385,24 @@ def _folders(
     if numbers is not None:
         wanted = {f"{number:05}" for number in numbers}
         found = [path for path in found if path.name in wanted]
-    if difficulty is not None:
-        low, high = difficulty
-        levels = {path: read_summary(path)["difficulty"] for path in found}
-        found = [path for path in found if levels[path] is not None and low <= levels[path] <= high]
     if not found:
-        raise OutputError(f"{worlds} has no worlds of these numbers and difficulties")
+        raise OutputError(f"{worlds} has no worlds of these numbers")
     return tuple(path.resolve() for path in found)
+
+
+def _of_difficulty(folders: tuple[Path, ...], between: tuple[float, float]) -> tuple[Path, ...]:
+    """Those whose wished difficulty lies between two.
+
+    Raises:
+        OutputError: if there is none.
+    """
+    low, high = between
+    levels = {path: read_summary(path)["difficulty"] for path in folders}
+    told = sorted(level for level in levels.values() if level is not None)
+    found = [path for path in folders if (one := levels[path]) is not None and low <= one <= high]
+    if not found:
+        have = f"{told[0]:.3g} to {told[-1]:.3g}" if told else "none"
+        raise OutputError(
+            f"{folders[0].parent} has no worlds of difficulty {low:g} to {high:g}: theirs is {have}"
+        )
+    return tuple(found)

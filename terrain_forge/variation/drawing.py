@@ -120,6 +120,10 @@ def require_drawable(recipe: Recipe) -> None:
                 if f"cannot be: {place}:" in str(error):
                     raise
     if spec.difficulty is not None:
+        low, high = np.broadcast_to(spec.difficulty.level, 2).tolist()
+        if low > high:
+            where = ("worlds", "difficulty", "level")
+            raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)
         for level in (0.0, 1.0):
             plain = _plain(recipe)
             with_difficulty(plain, spec.difficulty, level)
@@ -180,9 +184,9 @@ def _value(wish: Variation, level: float | None, chance: float, where: Key) -> A
     if kind == "choice":
         return given[min(int(chance * len(given)), len(given) - 1)]
     low, high = given
+    if low > high and not kind.endswith("difficulty"):  # which may go down as it rises
+        raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)
     if kind == "integers":
-        if low > high:
-            raise RecipeError(f"{low} to {high}: the smaller number first", key=where)
         return low + min(int(chance * (high - low + 1)), high - low)
     if kind.endswith("difficulty"):
         if level is None:

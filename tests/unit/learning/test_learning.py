@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import pytest
 
 import terrain_forge as tf
 from terrain_forge.dtm import FlatDtm
-from terrain_forge.variation import name_of, worlds
+from terrain_forge.variation import name_of, read_summary, worlds
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
@@ -161,12 +162,70 @@ def test_heights_ahead_show_what_stands_there(made):
     ("given", "why"),
     [
         ({"numbers": [77]}, "no worlds of these numbers"),
-        ({"difficulty": (0.9, 1.0)}, "no worlds of these numbers"),
+        ({"difficulty": (0.9, 1.0)}, "no worlds of difficulty 0.9 to 1: theirs is"),
     ],
 )
 def test_worlds_that_are_not_there_are_told(made, given, why):
     with pytest.raises(tf.OutputError, match=why):
         make(made, **given)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"sight": "height"}, "sight: .*did you mean 'heights'"),
+        ({"sight": None}, "sight: "),
+        ({"speed_m_s": -1.0}, "speed_m_s: "),
+        ({"distance_m": float("nan")}, "distance_m: "),
+        ({"difficulty": (0.2, 7.0)}, r"difficulty\[1\]: "),
+        ({"difficulty": 0.5}, "difficulty: "),
+        ({"numbers": [-1]}, r"numbers\[0\]: "),
+    ],
+)
+def test_an_argument_that_cannot_be_is_named(made, given, why):
+    with pytest.raises(ValueError, match=why) as caught:
+        learning.DriveEnv(made.directory, **given)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_reset_goes_to_the_world_that_is_named(made):
+    env = make(made, numbers=[1])
+    for world in (1, np.int64(1), name_of(1)):
+        assert env.reset(seed=3, options={"world": world})[1]["world"] == name_of(1)
+    for world in (0, -1, "00000", "one"):
+        with pytest.raises((tf.OutputError, ValueError), match="world"):
+            env.reset(options={"world": world})
+    with pytest.raises(ValueError, match="worlds"):
+        env.reset(options={"worlds": 1})
+
+
+def test_an_action_that_is_no_number_is_refused(made):
+    env = make(made)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="expected two numbers"):
+        env.step(np.array([np.nan, 0.0]))
+
+
+def test_difficulty_can_rise_while_one_learns(made):
+    levels = sorted(read_summary(path)["difficulty"] for path in made.folders)
+    many = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="sync", worlds=made.directory)
+    for level in (levels[0], levels[-1]):
+        many.set_attr("difficulty", [(level, level)] * 2)
+        for seed in range(3):
+            assert np.allclose(many.reset(seed=seed)[1]["difficulty"], level)
+    with pytest.raises(ValueError, match="difficulty"):
+        many.set_attr("difficulty", [(2, 3)] * 2)
+    many.close()
+
+
+def test_without_a_display_a_picture_is_refused_in_a_line(made, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"):
+        monkeypatch.delenv(name, raising=False)
+    env = make(made, render_mode="rgb_array")
+    env.reset(seed=1)
+    if sys.platform == "linux":
+        with pytest.raises(tf.OutputError, match="MUJOCO_GL=egl"):
+            env.render()
 
 
 def test_a_folder_without_worlds_is_told(tmp_path):

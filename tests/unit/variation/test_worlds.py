@@ -171,6 +171,8 @@ def test_check_tells_what_differs(tmp_path: Path) -> None:
     (line,) = (line for line in tf.check(file.recipe) if line.startswith("worlds"))
     for told in ("4, each", "difficulty 0 to 1", "sun.elevation_deg uniform 10, 80", "choice 2"):
         assert told in line
+    (line,) = (line for line in tf.check(file.recipe) if " each; 4: " in line)
+    assert "cost" in line
 
 
 @pytest.mark.parametrize(
@@ -183,6 +185,9 @@ def test_check_tells_what_differs(tmp_path: Path) -> None:
         ({"sun.elevation_deg": {"uniform": [100, 200]}}, "what is drawn cannot be"),
         ({"sun.elevation_deg": {"uniform": [10, 91]}}, "less than or equal to 90"),
         ({"body": {"choice": ["mars", "moon", "pluto"]}}, "'mars', 'mercury' or 'moon'"),
+        ({"sun.elevation_deg": {"uniform": [60, 5]}}, "60 to 5: the smaller number first"),
+        ({"seed": {"integers": [9, 3]}}, "9 to 3: the smaller number first"),
+        ({"sun.elevation_deg": {"log_uniform": [60, 5]}}, "60 to 5: the smaller number first"),
         ({"sun.elevation_deg": {"normal": [10, 80]}}, r"unknown key 'normal'.*uniform\)?$"),
         ({"sun.elevation_deg": "anywhere"}, "only dtm.centre"),
         ({"dtm.centre": "anywhere"}, "no other places"),
