@@ -64,6 +64,8 @@ class _Values:
     whole: bool
     planar: float
     seams: tuple[str, ...]
+    stripes: dict[str, float]
+    """RMS of the steps between columns or rows [m], of each that has stripes."""
     suspects: tuple[str, ...]
 
     @classmethod
@@ -71,6 +73,7 @@ class _Values:
         whole = raster.shape[0] * raster.shape[1] <= _MOST_SAMPLES
         found, missing, planar = [], [], []
         seams: list[str] = []
+        stripes: dict[str, float] = {}
         suspects: list[str] = []
         for rows, columns in _pieces(raster.shape, whole):
             try:
@@ -85,12 +88,15 @@ class _Values:
                 planar.append(quality.planar_fraction)
                 start = {"row": rows.start, "column": columns.start}
                 seams += [f"{line} {n + start[line]}" for line, n, _ in quality.seams]
+                for line, step in quality.stripes:
+                    stripes[line] = max(step, stripes.get(line, 0.0))
         return cls(
             heights=np.concatenate(found),
             missing=float(np.mean(missing)),
             whole=whole,
             planar=float(np.mean(planar)) if planar else 0.0,
             seams=tuple(dict.fromkeys(seams)),
+            stripes=stripes,
             suspects=tuple(suspects[:1]),
         )
 
@@ -265,14 +271,17 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
     if quantum and stairs and raster.vertical.known and not coarse:
         found.append(
-            f"{8 * dtype.itemsize} bits: heights come in stairs of {_metres(quantum)}, "
-            "which a wheel feels; dtm.destair smooths them"
+            f"{dtype}: heights come in stairs of {_metres(quantum)}, which a wheel feels; "
+            "dtm.destair smooths them"
         )
     found += values.suspects
     if raster.vertical.known and not values.suspects:
         found += odd_heights(values.heights, raster.body)
     if raster.vertical.odd_unit:
-        found.append(f"unit {raster.vertical.unit!r} is no length: taken as metres")
+        found.append(
+            f"unit {raster.vertical.unit!r} is no length that is known: a recipe must give "
+            "dtm.height_scale"
+        )
     if values.planar > 0.01:
         found.append(
             f"{100 * values.planar:.1f} % lie in exact planes: gaps between matched points that "
@@ -281,6 +290,11 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     if values.seams:
         shown = ", ".join(values.seams[:4]) + (", …" if len(values.seams) > 4 else "")
         found.append(f"the ground steps along {shown}: seams of images or strips")
+    for line, step in values.stripes.items():
+        found.append(
+            f"stripes along its {line}s: steps of {_metres(step)} RMS between them go all along, "
+            "and will in the ground"
+        )
     if raster.dataset.count > 1:
         found.append(f"{raster.dataset.count} bands: dtm.band chooses the one with the heights")
     return found

@@ -71,7 +71,7 @@ def fetch_product(name: str, *, progress: Progress = silent) -> Path:
     Raises:
         RecipeError, DataError, StorageError: as `at_hand`.
     """
-    product = find_product(places()[name].product if name in places() else name)
+    product = find_product(places()[name].product if name in places() else name, also=places())
     if name in places() and product.shape:
         raise RecipeError(
             f"{name} lies in {product.name}, of which a build reads only the site's part: "

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -42,8 +43,8 @@ class Product:
     """Metres per unit, where the file may not say."""
 
 
-def find_product(name: str) -> Product:
-    """The product of a name.
+def find_product(name: str, *, also: Iterable[str] = ()) -> Product:
+    """The product of a name; `also` are names that may have been meant.
 
     Raises:
         RecipeError: if there is none; says which there are.
@@ -67,8 +68,8 @@ def find_product(name: str) -> Product:
             citation="Henriksen et al. 2017, doi:10.1016/j.icarus.2016.05.012",
         )
     raise RecipeError(
-        f"no product is called {name!r}{hint_at(name, table())}; known are {RULES}, and those "
-        "that `terrain-forge sites` lists",
+        f"no product is called {name!r}{hint_at(name, (*table(), *also))}; known are {RULES}, and "
+        "those that `terrain-forge sites` lists",
         key=("dtm", "product"),
     )
 

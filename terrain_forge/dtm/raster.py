@@ -73,9 +73,8 @@ class Raster:
 
     @property
     def quantum(self) -> float | None:
-        """Height step of one unit of an integer raster [m]."""
-        scale = abs(self.vertical.scale)
-        return scale if np.dtype(self.dataset.dtypes[self.band - 1]).kind in "iu" else None
+        """Step of which the heights are multiples [m]: of integers, and of rounded floats."""
+        return self.vertical.quantum
 
     @property
     def source(self) -> str:

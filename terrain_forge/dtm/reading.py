@@ -197,7 +197,7 @@ def _destaired(raster: Raster, spec: RasterDtm, heights: Array) -> Array:
     if raster.quantum is None:
         dtype = raster.dataset.dtypes[raster.band - 1]
         raise DataError(
-            f"the heights of {spec.name} are {dtype}, only integers have stairs",
+            f"the heights of {spec.name} are {dtype} and not rounded: they have no stairs",
             key=("dtm", "destair"),
         )
     return destair(heights, raster.quantum)

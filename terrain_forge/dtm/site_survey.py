@@ -25,6 +25,7 @@ from terrain_forge.dtm.raster import Raster, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
+from terrain_forge.dtm.vertical import require_known_unit
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
 _FARTHEST = 0.25
@@ -282,6 +283,7 @@ def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
             "dtm.height_scale",
             key=("dtm", "source"),
         )
+    require_known_unit(raster.vertical, spec)
 
 
 def centre_lonlat(raster: Raster, spec: RasterDtm) -> tuple[float, float]:

@@ -22,6 +22,7 @@ _METRES = {
     **dict.fromkeys(("us survey foot", "us survey feet", "ftus"), 1200.0 / 3937.0),
 }
 _SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
+_FEWEST_LEVELS, _REPEATED, _OFF_LEVEL, _COARSER = 3, 0.25, 0.1, 16.0
 _FARTHEST = 0.05
 """Part of a body's radius beyond which no ground lies; Mars reaches 0.0065 of it."""
 
@@ -42,6 +43,8 @@ class Vertical:
     """Whether the file or the recipe says how its numbers become metres."""
     unit: str
     """The unit that the file declares; empty if none."""
+    quantum: float | None = None
+    """Step of which heights are multiples, where they are not merely a float's [m]."""
     assumed: bool = False
     """Whether neither the file nor the recipe says in which unit its numbers are."""
 
@@ -73,7 +76,8 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     """
     band = spec.band - 1
     dtype = np.dtype(dataset.dtypes[band])
-    unit, typical = dataset.units[band] or "", _typical(dataset, spec)
+    unit, sample = dataset.units[band] or "", _sample(dataset, spec)
+    typical = float(np.median(sample)) if sample.size else 0.0
     if spec.height_range_m is not None:
         low, high = _range(spec, dtype)
         scale, offset, known = (high - low) / float(np.iinfo(dtype).max), low, True
@@ -97,6 +101,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         reference_radius=datum if is_radius else 0.0,
         known=known,
         unit=unit,
+        quantum=abs(scale) if dtype.kind in "iu" else abs(scale) * _step(sample) or None,
         assumed=not unit and spec.height_scale is None and spec.height_range_m is None,
     )
 
@@ -172,13 +177,39 @@ def _kilometres(typical: float, dataset: Any, spec: RasterDtm, body: Body) -> fl
     return 1000.0 if not known and _around(1000.0 * value, body) else 1.0
 
 
-def _typical(dataset: Any, spec: RasterDtm) -> float:
-    """Median of a few small pieces of the raster, of more where these hold no data; 0 for none."""
+def require_known_unit(vertical: Vertical, spec: RasterDtm) -> None:
+    """Refuse heights in a unit that is no known length, unless the recipe tells their scale.
+
+    Raises:
+        DataError: naming the unit.
+    """
+    if vertical.odd_unit and spec.height_scale is None and spec.height_range_m is None:
+        raise DataError(
+            f"the heights of {spec.name} are in {vertical.unit!r}, which is no length that is "
+            "known: give dtm.height_scale, metres for each of them (1 if they are metres)",
+            key=("dtm", "source"),
+        )
+
+
+def _sample(dataset: Any, spec: RasterDtm) -> NDArray[np.float64]:
+    """Values of a few small pieces of the raster, of more where these hold no data."""
     for pieces in (5, 17, 65):
         found = _sampled(dataset, spec, pieces)
         if found.size:
-            return float(np.median(found))
-    return 0.0
+            break
+    return found
+
+
+def _step(values: NDArray[np.float64]) -> float:
+    """Number of which all values of a raster of floats are multiples, but for an offset; else 0."""
+    levels = np.unique(values)
+    if len(levels) < _FEWEST_LEVELS or len(levels) > _REPEATED * values.size:
+        return 0.0
+    exact = float(np.spacing(np.float32(np.abs(levels).max())))
+    step = float(np.diff(levels).min())
+    off = (levels - levels[0]) / step % 1.0
+    wrong = np.minimum(off, 1.0 - off) > _OFF_LEVEL
+    return 0.0 if step < _COARSER * exact or wrong.any() else step
 
 
 def _sampled(dataset: Any, spec: RasterDtm, pieces: int) -> NDArray[np.float64]:

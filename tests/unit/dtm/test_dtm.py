@@ -202,7 +202,7 @@ def test_height_map_without_georeference(tmp_path):
     raster = open_raster(spec, body=MARS, folder=tmp_path)
     with raster.dataset:
         warnings = " ".join(describe(raster).warnings)
-    assert "8 bits" in warnings
+    assert "uint8: heights come in stairs" in warnings
     assert "10 cm" in warnings
 
 

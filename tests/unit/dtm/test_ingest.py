@@ -51,9 +51,13 @@ def test_any_unit_becomes_metres_above_the_datum(tmp_path, dtype, scale, offset,
     assert tilt == pytest.approx(0.1, rel=0.05)
 
 
-def test_unit_that_is_no_length_is_reported(tmp_path):
-    write_raster(tmp_path, rough().astype("float32"), units="degree")
-    assert "no length" in words(tmp_path)
+def test_heights_in_a_unit_that_is_not_known_want_a_scale(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"), units="furlong")
+    assert "'furlong' is no length that is known" in words(tmp_path)
+    with pytest.raises(DataError, match=r"'furlong'.*give dtm\.height_scale"):
+        plan(tmp_path)
+    site, _ = plan(tmp_path, replace(SPEC, height_scale=201.168))
+    assert np.ptp(site.dtm.heights) > 150.0 * np.ptp(rough())
 
 
 @pytest.mark.parametrize("spec", [{"nodata": -7777.0}, {"nodata_range": (-1e5, -5000.0)}])
@@ -193,10 +197,23 @@ def test_destairing_brings_the_truth_nearer():
     assert np.std((smooth - truth)[20:-20, 20:-20]) < 0.35 * np.std((steps - truth)[20:-20, 20:-20])
 
 
-def test_destair_is_for_integers(tmp_path):
+def test_destair_is_for_heights_that_were_rounded(tmp_path):
     write_raster(tmp_path, rough().astype("float32"))
-    with pytest.raises(DataError, match="only integers have stairs"):
+    with pytest.raises(DataError, match="not rounded: they have no stairs"):
         plan(tmp_path, replace(SPEC, destair=True))
+
+
+@pytest.mark.parametrize(("step", "datum"), [(1.0, -2500.3), (0.25, 0.0), (0.05, -1800.0)])
+def test_floats_that_were_rounded_are_told_and_smoothed(tmp_path, step, datum):
+    heights = 3.0 * rough()
+    write_raster(tmp_path, (step * np.round(heights / step) + datum).astype("float32"))
+    told = words(tmp_path)
+    assert "float32: heights come in stairs of" in told
+    assert "exact planes" not in told
+    site, _ = plan(tmp_path, replace(SPEC, destair=True))
+    assert any("stairs of" in note for note in site.dtm.repairs)
+    write_raster(tmp_path, (heights + datum).astype("float32"))
+    assert "stairs" not in words(tmp_path)
 
 
 def test_facets_are_found(tmp_path):
@@ -218,6 +235,31 @@ def test_seams_are_found():
     found = assess(heights, valid, quantum=None).seams
     assert [(line, number) for line, number, _ in found] == [("column", 123)]
     assert found[0][2] == pytest.approx(0.4, rel=0.1)
+
+
+def fractal(shape=(200, 240), seed=3):
+    """Ground that is as rough in each direction [m]."""
+    waves = np.hypot(*np.meshgrid(np.fft.rfftfreq(shape[1]), np.fft.fftfreq(shape[0])))
+    waves[0, 0] = np.inf
+    noise = np.random.default_rng(seed).normal(size=waves.shape)
+    found = np.fft.irfft2(noise / waves**1.7, s=shape)
+    return 2.0 * found / found.std()
+
+
+@pytest.mark.parametrize("period", [2, 4, 9])
+def test_stripes_are_found(tmp_path, period):
+    heights = fractal()
+    valid = np.ones(heights.shape, bool)
+    assert assess(heights, valid, quantum=None).stripes == ()
+    seamed = heights + 0.8 * (np.arange(heights.shape[1]) > 90)
+    assert assess(seamed, valid, quantum=None).stripes == ()
+    striped = heights + 0.3 * (np.arange(heights.shape[1]) % period < period // 2)
+    for z, name in ((striped, "column"), (striped.T, "row")):
+        ((line, step),) = assess(z, np.ones(z.shape, bool), quantum=None).stripes
+        assert line == name
+        assert 0.05 < step < 0.7
+    write_raster(tmp_path, striped.astype("float32"))
+    assert "stripes along its columns" in words(tmp_path)
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
