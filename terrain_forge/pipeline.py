@@ -427,7 +427,10 @@ def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
     yield from missing or building.dtm_lines(recipe, Path(folder))
     if missing:
         return
-    site, orders = making.plan(recipe, folder=folder), export_orders(recipe)
+    orders = export_orders(recipe)
+    if recipe.tiles is not None:
+        tiling.require_tiles(recipe, orders)
+    site = making.plan(recipe, folder=folder)
     yield from building.site_lines(site, orders)
     if recipe.sensors is not None or recipe.dataset is not None:
         rover = rover_of(site)

@@ -74,8 +74,15 @@ def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
     except TerrainForgeError:
         raise
     except Exception as error:
-        why = " ".join(str(error).split()) or type(error).__name__
+        why = " ".join(str(_first(error)).split()) or type(error).__name__
         raise DataError(f"{name} cannot be read: {why[:_LONGEST]}", key=key) from error
+
+
+def _first(error: BaseException) -> BaseException:
+    """What went wrong at first: GDAL's last error says to look at the one before."""
+    while error.__cause__ is not None and str(error.__cause__):
+        error = error.__cause__
+    return error
 
 
 def hint_at(word: str, allowed: Iterable[str]) -> str:

@@ -30,7 +30,6 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rocks import contact_told
 from terrain_forge.rovers import rover_of
-from terrain_forge.terrain import Fractal
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -75,10 +74,8 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         across, up = -(-window.columns // cells), -(-window.rows // cells)
         yield f"  tiles        {across} × {up} of {cells * site.spacing:g} m, built one by one"
     for layer in recipe.terrain.layers:
-        if isinstance(layer, Fractal):
-            law = layer.figures(site)
-            told = f"H = {law.hurst:.2f}, {law.deviation * 100:.2g} cm at 1 m ({law.source})"
-            yield f"  roughness    {told}"
+        for word, told in layer.facts(site):
+            yield f"  {word:<12} {told}"
     for line in site_facts(site):
         yield f"  {line}"
     yield f"  horizon      {_horizon(site)}"

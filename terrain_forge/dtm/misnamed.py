@@ -28,11 +28,21 @@ def remedy(path: Path) -> str:
         )
     if (label := _beside(path, (".lbl",))) != path:
         return f" (it has a label: name {label.name})"
+    if path.suffix.lower() == _HEADER and (data := _only_data(path)):
+        return f" (a header: if {data.name} has its data, name that)"
     meant = file_to_open(path)
     if path.suffix.lower() == _HEADER and meant == path:
         names = ", ".join(path.stem + ending for ending in _BESIDE[_HEADER])
         return f" (a header alone: put its data beside it, as one of {path.stem}, {names})"
     return f" (the heights are in {meant.name}: name that)" if meant != path else ""
+
+
+def _only_data(header: Path) -> Path | None:
+    """A file beside a header that has its stem and an ending that we do not know."""
+    known = {_HEADER, *_BESIDE[_HEADER], ".xml", ".txt"}
+    beside = header.parent.glob(f"{escape(header.stem)}.*")
+    found = [file for file in beside if file.suffix.lower() not in known and file.is_file()]
+    return found[0] if len(found) == 1 and file_to_open(header) == header else None
 
 
 def _beside(path: Path, endings: tuple[str, ...]) -> Path:

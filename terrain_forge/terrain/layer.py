@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -45,6 +45,10 @@ class Layer(Spec):
         Raises:
             RecipeError, DataError: what was found and what is allowed.
         """
+
+    def facts(self, site: Site) -> Iterator[tuple[str, str]]:  # noqa: ARG002
+        """What `terrain-forge check` says of it on a planned site: a word, and what it is."""
+        yield from ()
 
     def reach(self, site: Site) -> float:  # noqa: ARG002
         """How far around a node its relief depends on the ground so far [m]."""

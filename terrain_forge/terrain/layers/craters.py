@@ -127,6 +127,22 @@ class CraterLayer(Layer):
         if self.file is not None:
             _check_list(site.table(self.file), site, (*key, "file"))
 
+    def facts(self, site: Site) -> Iterator[tuple[str, str]]:
+        """How many craters are expected on the site, of which sizes, and how many are listed."""
+        told = []
+        if (drawn := population_of(self, site=site)) is not None:
+            low, high = drawn.diameters
+            number = drawn.density(low, high) * site.size[0] * site.size[1]
+            limit = (
+                ""
+                if drawn.equilibrium == "none"
+                else f", limited by equilibrium ({drawn.equilibrium})"
+            )
+            told.append(f"about {number:,.0f} of {low:.3g} to {high:.3g} m{limit}")
+        if self.file is not None:
+            told.append(f"{len(site.table(self.file).values):,} of {self.file}")
+        yield "craters", f"{self.name}: {' and '.join(told)}"
+
     def brightness(self, *, site: Site, window: Window) -> Array | None:
         """Bright ejecta of young craters; None where they are no brighter than the ground."""
         bright = self.ejecta and site.body.craters.bright_ejecta

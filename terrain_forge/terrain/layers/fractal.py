@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Literal
@@ -190,6 +191,14 @@ class Fractal(Layer):
         ]
         if len(given) > 1:
             raise ValueError(f"one of {' and '.join(given)}, not both")
+
+    def facts(self, site: Site) -> Iterator[tuple[str, str]]:
+        """The law of the detail."""
+        law = self.figures(site)
+        yield (
+            "roughness",
+            f"H = {law.hurst:.2f}, {law.deviation * 100:.2g} cm at 1 m ({law.source})",
+        )
 
     def figures(self, site: Site) -> Roughness:
         """The law of the detail; the DTM's own bends, one that is asked for does not."""
