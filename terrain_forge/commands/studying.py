@@ -51,10 +51,11 @@ def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
 def _list(file: Path) -> int:
     """Say which worlds there are, and what they cost."""
     from terrain_forge.base import size_text
-    from terrain_forge.studies import costs_of, read_study, study_of
+    from terrain_forge.studies import costs_of, read_study, require_served, study_of
 
     found = study_of(read_study(file))
     costs = costs_of(found.cells)
+    require_served(costs)
     for cell, cost in zip(found.cells, costs, strict=True):
         told = cost.recording
         more = (

@@ -14,6 +14,7 @@ from .factors import Factor as Factor
 from .factors import Level as Level
 from .running import CellCost as CellCost
 from .running import costs_of as costs_of
+from .running import require_served as require_served
 from .spec import RecordSpec as RecordSpec
 from .spec import StudyFile as StudyFile
 from .spec import StudySpec as StudySpec

@@ -33,7 +33,7 @@ from terrain_forge.recording import RecordingCost, dataset_folder, recording_cos
 from terrain_forge.rovers import rover_of
 from terrain_forge.studies.cells import Cell, Study
 from terrain_forge.studies.spec import RecordSpec
-from terrain_forge.studies.worker import JOB, LOG, RESULT, sensors_for
+from terrain_forge.studies.worker import JOB, LOG, RESULT, lacking, sensors_for
 
 CELLS = "cells"
 INDEX = "study.json"
@@ -53,6 +53,8 @@ class CellCost:
     """Largest memory [bytes]."""
     recording: RecordingCost | None
     """Its recording; None where its path is planned on the finished ground."""
+    lacking: dict[str, list[str]]
+    """Systems that its rover has no sensors for, and what they need."""
 
 
 def cell_cost(cell: Cell) -> CellCost:
@@ -73,6 +75,7 @@ def cell_cost(cell: Cell) -> CellCost:
     return CellCost(
         memory=memory_needed(expected_nodes(file.recipe), rocks_of(site)),
         recording=recording_cost(site, chosen, begin=part.from_s, end=part.to_s),
+        lacking=lacking(cell.job, sensors),
     )
 
 
@@ -111,8 +114,8 @@ def run_cells(
     """
     require_folder(study, out)
     missing = _missing(study, out)
-    jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep)
     count = len({cell.digest for cell in study.cells})
+    jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep, whole=len(missing) == count)
 
     def told() -> str:
         done = count - len(_missing(study, out))
@@ -171,11 +174,13 @@ def _missing(study: Study, out: Path) -> list[Cell]:
     return list(found.values())
 
 
-def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool) -> int:
+def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool, whole: bool) -> int:
     """How many cells at once; what the disk cannot hold is refused."""
     if not missing:
         return 1
     costs = costs_of(missing)
+    if whole:
+        require_served(costs)
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     fitting = int(0.8 * there / max(cost.memory for cost in costs))
     jobs = min(asked or max(1, min(os.cpu_count() or 1, fitting)), len(missing))
@@ -203,6 +208,20 @@ def costs_of(cells: Sequence[Cell]) -> list[CellCost]:
             known[key] = cell_cost(cell)
         found.append(known[key])
     return found
+
+
+def require_served(costs: Sequence[CellCost]) -> None:
+    """Refuse a system that has its sensors in none of a study's worlds.
+
+    Raises:
+        DataError: says what it needs.
+    """
+    for system, needs in costs[0].lacking.items():
+        if all(system in cost.lacking for cost in costs):
+            raise DataError(
+                f"{system} needs {' and '.join(needs)}, which no rover of the study carries: add a "
+                "sensor to its recipe, or leave the system out"
+            )
 
 
 def _run(cells: Sequence[Cell], out: Path, jobs: int, progress: Progress, *, count: int) -> None:

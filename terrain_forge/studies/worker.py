@@ -31,6 +31,8 @@ _KINDS = {
     "stereo": ("stereo",),
     "rgbd": ("camera", "stereo"),
     "lidar": ("lidar",),
+    "imu": ("imu",),
+    "odometry": ("odometry",),
 }
 """Kinds of sensors that serve a system's need; tables, such as an IMU's, are always recorded."""
 
@@ -49,6 +51,17 @@ def sensors_for(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> tuple[st
     return tuple(
         one.name for one in known if one.kind in wanted or not issubclass(kinds[one.kind], Frames)
     )
+
+
+def lacking(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> dict[str, list[str]]:
+    """What systems need that none of a rover's sensors serves, by their names."""
+    kinds = [one.kind for one in sensors]
+    served: set[str] = {need for need, serve in _KINDS.items() if set(serve) & set(kinds)}
+    if kinds.count("camera") > 1:  # which may be a pair
+        served.add("stereo")
+    systems = [adapter_of(plain) for plain in job["systems"]]
+    found = {one.name: [str(n) for n in one.needs if n not in served] for one in systems}
+    return {name: needs for name, needs in found.items() if needs}
 
 
 def carry_out(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:

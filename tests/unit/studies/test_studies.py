@@ -263,6 +263,15 @@ def test_studies_that_ship_are_known_by_name(name, tmp_path, monkeypatch):
     assert costs_of(study.cells[:1])[0].recording is not None
 
 
+def test_a_system_without_its_sensors_is_refused_before_any_work(written, tmp_path):
+    path = written(("systems: [wheel-odometry]", "systems: [wheel-odometry, imu]"))
+    for words in (("study", path, "--list"), ("study", path, "-o", tmp_path / "out")):
+        done = run(*words)
+        assert done.returncode == 2
+        assert "imu needs imu, which no rover of the study carries" in done.complaints[-1]
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.slow
 def test_killed_it_goes_on_and_finds_the_same(written, tmp_path):
     file, out = written(), tmp_path / "out"
