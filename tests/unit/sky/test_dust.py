@@ -49,6 +49,10 @@ def test_the_sky_that_is_seen_is_the_light_that_arrives(tau, elevation_deg):
     density = density + 0.5 / (12.0 * np.pi) * angle ** (-2.0 / 3.0)
     shines = day.radiance(every, sun) * np.maximum(every[:, 2], 0.0)[:, None] / density[:, None]
     assert shines.mean(axis=0) / np.pi == pytest.approx(day.diffuse, rel=0.04)
+    # The aureole is what of it was scattered once and comes from within 15° of the Sun.
+    once = shines - day.rest * np.maximum(every[:, 2], 0.0)[:, None] / density[:, None]
+    close = once * (every @ sun > np.cos(np.radians(15.0)))[:, None]
+    assert close.mean(axis=0) / np.pi == pytest.approx(day.aureole, rel=0.05)
 
 
 def test_dust_takes_from_the_sun_and_gives_to_the_sky():
@@ -111,6 +115,9 @@ def test_pictures_show_this_sky(azimuth_deg):
     wanted = day.radiance(rays, light.towards_sun) / made.through
     assert image.reshape(-1, 3) == pytest.approx(wanted, rel=0.02)
     assert made.haze == pytest.approx(11_000.0 / 0.8)
+    # What is left in a shadow: all but the Sun and its aureole.
+    left = (day.diffuse - day.aureole) / (day.direct + day.diffuse)
+    assert made.sky == pytest.approx(left)
 
 
 def recipe(body, tau):
