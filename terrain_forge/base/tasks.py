@@ -245,11 +245,7 @@ def _on_dask(
         def submit(item: T) -> Any:
             return client.submit(_on_worker, function, item, tries, pure=False)
 
-        out = {submit(item): item for item in islice(left, most)}
-        finished: Any = distributed.as_completed(out, loop=client.loop)
-        for future in finished:
-            ask_for_interrupt()
-            item = out.pop(future)
+        def ended(future: Any) -> tuple[Any, bool]:
             try:
                 died = future.exception()  # its workers did, again and again
                 result = died if died is not None else future.result()
@@ -258,10 +254,26 @@ def _on_dask(
                     f"the scheduler at {scheduler} was lost; what is whole stays"
                 ) from None
             future.release()
+            return result, died is not None
+
+        out = {submit(item): item for item in islice(left, most)}
+        suspects: list[T] = []
+        finished: Any = distributed.as_completed(out, loop=client.loop)
+        for future in finished:
+            ask_for_interrupt()
+            item = out.pop(future)
+            result, died = ended(future)
             for following in islice(left, 1):
                 out[another := submit(following)] = following
                 finished.add(another)
-            yield item, result
+            if died:
+                suspects.append(item)
+            else:
+                yield item, result
+        # Dask blames a worker's death on all that it was given: alone, each shows what it does.
+        for item in suspects:
+            ask_for_interrupt()
+            yield item, ended(submit(item))[0]
     finally:
         client.close()
         if local:
