@@ -91,7 +91,8 @@ class MaterialSpec(Spec):
     """Coefficient of sliding friction of wheels on it; without it by its kind, from the body's:
     bedrock's, the lower end of the regolith's for sand and dust, the regolith's."""
     pebbles: Fraction | None = None
-    """Share of places that hold a pebble, in pictures alone; without it by its kind."""
+    """Share of places that hold a pebble, which says how many crumbs its soil has too, in pictures
+    alone; without it by its kind."""
 
     def __post_init__(self) -> None:
         if self.mask is None and self.cover == 1.0:
