@@ -59,6 +59,8 @@ from .records import from_plain as from_plain
 from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
+from .registry import FOREIGN_FAILURES as FOREIGN_FAILURES
+from .registry import failure_words as failure_words
 from .registry import is_ours as is_ours
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts

@@ -31,6 +31,9 @@ _skipped: dict[tuple[str, str, str], list[str]] = {}
 _asked: set[str] = set()
 """Groups in which something was looked for."""
 
+FOREIGN_FAILURES = (Exception, SystemExit)
+"""What code of other packages may raise; an exit of theirs must not end ours as if all was done."""
+
 
 @cache
 def plugins(group: str) -> dict[str, EntryPoint]:
@@ -52,8 +55,8 @@ def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
     """The module that an entry point names; None, with a warning, where it cannot be imported."""
     try:
         return import_module(point.module)
-    except Exception as error:  # whatever a foreign package raises must not break ours
-        skip_plugin(point, group, _words(error))
+    except FOREIGN_FAILURES as error:  # whatever a foreign package raises must not break ours
+        skip_plugin(point, group, failure_words(error))
         return None
 
 
@@ -102,7 +105,7 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
     except Exception as error:
         if is_ours(module) or _raised_within(module, error):
             raise
-        found = _words(error)
+        found = failure_words(error)
         raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
 
 
@@ -121,7 +124,10 @@ def is_ours(module: str) -> bool:
     return module.partition(".")[0] == _OURS
 
 
-def _words(error: Exception) -> str:
+def failure_words(error: BaseException) -> str:
+    """What an error says, in one line; its kind where it says nothing."""
+    if isinstance(error, SystemExit):
+        return f"it would end the process (SystemExit: {error})"
     return " ".join(str(error).split()) or type(error).__name__
 
 

@@ -85,11 +85,13 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
     folder.mkdir(parents=True)
     try:
         what = f"exporter {order.kind!r}: export"
-        with returning(order.exporter, what, "an ExportReport"):
+        with returning(order.exporter, what, "an ExportReport of the files that it wrote"):
             report = order.exporter.export(world, folder, options=order.options)
             if not isinstance(report, ExportReport):
                 raise TypeError(f"found {type(report).__name__}")
             losses = tuple(map(str, report.losses))
+            if odd := [str(file) for file in report.files if not _is_within(folder, file)]:
+                raise ValueError(f"found {odd[0]}, which is no file in its folder")
     except ExportError as error:
         raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
     return Export(
@@ -98,3 +100,9 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
         options=plain_options(order.options),
         losses=losses,
     )
+
+
+def _is_within(folder: Path, file: Path) -> bool:
+    """Whether a name in a folder is a file there, not a link to one elsewhere."""
+    path = folder / file
+    return path.is_file() and path.resolve() == folder.resolve() / file

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import (
+    FOREIGN_FAILURES,
     RecipeError,
     Spec,
+    failure_words,
     hint_at,
     load_plugin,
     plugins,
@@ -78,8 +80,8 @@ class Export:
             words = getattr(module, "opening", None)
             found: Opening | None = words and words(directory / self.folder, options)
             return found
-        except Exception as error:  # whatever a foreign exporter raises must not break the page
-            _log.warning("how to open %s is not known: %s", self.folder, error)
+        except FOREIGN_FAILURES as error:  # it must not break the page
+            _log.warning("how to open %s is not known: %s", self.folder, failure_words(error))
             return None
 
     def opened(self) -> tuple[Exporter, Any]:

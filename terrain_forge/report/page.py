@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.base import parts
+from terrain_forge.base import FOREIGN_FAILURES, failure_words, parts
 from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.glossary import explained, explained_in
@@ -130,10 +130,10 @@ def _blocks(kind: type[Section], built: Built) -> Sequence[Block]:
     """The blocks of a section; one of another package that raises is left out with a warning."""
     try:
         return kind().blocks(built)
-    except Exception as error:
+    except FOREIGN_FAILURES as error:
         if kind.__module__.startswith("terrain_forge."):
             raise
-        _log.warning("section %r of the report is left out: %s", kind.title, error)
+        _log.warning("section %r of the report is left out: %s", kind.title, failure_words(error))
         return []
 
 

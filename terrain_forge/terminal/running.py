@@ -22,6 +22,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from terrain_forge.base import (
+    FOREIGN_FAILURES,
     PluginError,
     SimulationError,
     StorageError,
@@ -82,7 +83,7 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         if getattr(error, "errno", None) in _NO_PATH:
             return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
-    except Exception as error:
+    except FOREIGN_FAILURES as error:
         if (plugin := plugin_at_fault(error)) and "--debug" not in arguments:
             why = f"{type(error).__name__}: {' '.join(str(error).split())}"
             say(f"terrain-forge: {plugin} failed: {why}; --debug shows all", err=True)

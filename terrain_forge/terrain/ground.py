@@ -12,6 +12,8 @@ from terrain_forge.terrain.layer import Layer
 
 STRIP = 1024
 """Most rows of cells that are worked on at once in double precision."""
+_HIGHEST = 1e6
+"""Heights beyond it are no ground's of any body, and soon none that floats of files hold [m]."""
 
 
 def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> Heightfield:
@@ -42,5 +44,5 @@ def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.
 
 
 def _require_finite(elevation: NDArray[np.float64], made_by: str) -> None:
-    if not np.isfinite(elevation).all():
-        raise ValueError(f"{made_by} makes heights that are not finite")
+    if not (np.abs(elevation) <= _HIGHEST).all():
+        raise ValueError(f"{made_by} makes heights that are not finite or beyond {_HIGHEST:g} m")

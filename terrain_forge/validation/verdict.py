@@ -11,7 +11,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Record, parts
+from terrain_forge.base import FOREIGN_FAILURES, Record, failure_words, parts
 from terrain_forge.driving import DriveResult
 from terrain_forge.model import Check, Export, World, exporter, failed, plain_options
 from terrain_forge.recipe import ValidateSpec
@@ -136,7 +136,7 @@ def _checks(
         progress(inspection.kind, 0.0)
     try:
         return list(map(_judged, inspection.checks(built)))
-    except Exception as error:
+    except FOREIGN_FAILURES as error:
         return [_at_fault(inspection, "check", error)]
 
 
@@ -163,17 +163,17 @@ def _reported(inspection: Inspection, more: dict[str, Any]) -> list[Check]:
         if taken := [key for key in told if key in more or key in _TAKEN]:
             raise ValueError(f"{', '.join(taken)} of validation/report.json is another's")
         more |= told
-    except Exception as error:
+    except FOREIGN_FAILURES as error:
         return [_at_fault(inspection, "report", error).replace(group=inspection.group)]
     return []
 
 
-def _at_fault(inspection: Inspection, what: str, error: Exception) -> Check:
+def _at_fault(inspection: Inspection, what: str, error: BaseException) -> Check:
     """A check that says what is wrong with one of another package; an error of ours goes on."""
     module = type(inspection).__module__
     if module.startswith("terrain_forge."):
         raise error
-    why = " ".join(str(error).split()) or type(error).__name__
+    why = failure_words(error)
     return failed(f"{inspection.kind}: {what}", f"cannot be made ({module}): {why}")
 
 

@@ -12,6 +12,9 @@ from tests.helpers.plugins import fresh, install
 POINTS = """[terrain_forge.exporters]
 silent = odd_exporter
 gone = gone_exporter
+liar = liar_exporter
+leaver = leaving_exporter
+ending = ending_exporter
 [terrain_forge.layers]
 odd = odd_layer
 typo = typo_layer
@@ -36,6 +39,20 @@ MODULES = {
     + SPEC
     + "class Options(Spec): pass\n"
     + "def export(world, directory, *, options): (directory / 'a').write_text('a')\n",
+    "liar_exporter.py": HEAD
+    + "from pathlib import Path\nfrom terrain_forge.base import Spec\n"
+    + "from terrain_forge.model import ExportReport\n"
+    + SPEC
+    + "class Options(Spec):\n    file: str = 'b'\n"
+    + "def export(world, directory, *, options):\n"
+    + "    (directory / 'link').symlink_to(__file__)\n"
+    + "    return ExportReport(files=(Path(options.file),), losses=())\n",
+    "leaving_exporter.py": HEAD
+    + "import sys\nfrom terrain_forge.base import Spec\n"
+    + SPEC
+    + "class Options(Spec): pass\n"
+    + "def export(world, directory, *, options): sys.exit(0)\n",
+    "ending_exporter.py": "import sys\nsys.exit(0)\n",
     "typo_layer.py": HEAD
     + "from terrain_forge.terrain import Layer\n"
     + SPEC
@@ -47,7 +64,8 @@ MODULES = {
     + "class Odd(Layer):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'nan'\n"
     + "    def relief(self, *, site, window, elevation):\n"
     + "        return {'nan': np.full_like(elevation, np.nan), 'none': None,\n"
-    + "                'shape': np.ones((2, 2)), 'ok': elevation}[self.what]\n"
+    + "                'shape': np.ones((2, 2)), 'ok': elevation, 'far': elevation + 1e300,\n"
+    + "                }.get(self.what) if self.what != 'exit' else exit(0)\n"
     + "    def brightness(self, *, site, window): return np.ones((2, 2))\n",
     "odd_law.py": HEAD
     + "from terrain_forge.rocks import SizeLaw\n"
@@ -77,7 +95,10 @@ MODULES = {
     + "    def report(self): return {'checks': [], 'more': 1}\n"
     + "class None_(Nan):\n    kind = 'none'\n"
     + "    def checks(self, built): return None\n"
-    + "    def report(self): return {'kept': 1}\n",
+    + "    def report(self): return {'kept': 1}\n"
+    + "class Leaver(Nan):\n    kind = 'leaver'\n"
+    + "    def checks(self, built): exit(0)\n"
+    + "    def report(self): return {}\n",
 }
 RECIPE = """
 schema: 1
@@ -87,7 +108,7 @@ dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.25, layers: [LAYERS]}
 rocks: {library: {shapes: 1}, populations: [ROCKS]}
 paths: [PATHS]
-exports: [EXPORTS]
+exports: EXPORTS
 """
 ROCKS = "{name: a, size_frequency: {kind: odd, wrong: WRONG}, diameter_m: [0.2, 0.4]}"
 
@@ -100,7 +121,7 @@ def installed(tmp_path_factory):
 def build(folder, **parts):
     text = RECIPE
     for name in ("layers", "rocks", "paths", "exports"):
-        text = text.replace(name.upper(), parts.get(name, ""))
+        text = text.replace(name.upper(), parts.get(name, "[]" if name == "exports" else ""))
     path = folder / "odd.yaml"
     path.write_text(text)
     return run("build", path, "-o", folder / "out")
@@ -114,6 +135,7 @@ REFUSED = [
     ({"layers": "{kind: odd}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
     ({"layers": "{kind: odd, what: none}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
     ({"layers": "{kind: odd, what: shape}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
+    ({"layers": "{kind: odd, what: far}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
     ({"layers": "{kind: odd, what: ok}"}, "layer 'odd': brightness (odd_layer)"),
     (_rocks("number"), "size law 'odd': cumulative_number (odd_law)"),
     (_rocks("sample"), "size law 'odd': sample (odd_law)"),
@@ -122,7 +144,15 @@ REFUSED = [
         {"paths": "{name: p, route: {kind: odd, size_m: 2}, speed_m_s: 0.1}"},
         "route shape 'odd': outline (odd_shape)",
     ),
-    ({"exports": "silent"}, "exporter 'silent': export (odd_exporter)"),
+    ({"exports": "[silent]"}, "exporter 'silent': export (odd_exporter)"),
+    ({"exports": "[liar]"}, "exporter 'liar': export (liar_exporter)"),
+    ({"exports": "{liar: {file: link}}"}, "exporter 'liar': export (liar_exporter)"),
+    ({"exports": "{liar: {file: ../../odd.yaml}}"}, "exporter 'liar': export (liar_exporter)"),
+]
+LEAVING = [
+    ({"layers": "{kind: odd, what: exit}"}, 3, "(odd_layer, line "),
+    ({"exports": "[leaver]"}, 3, "exporter 'leaver' (leaving_exporter, line "),
+    ({"exports": "[ending]"}, 2, "exporter 'ending' (ending_exporter) is installed but broken: "),
 ]
 
 
@@ -137,6 +167,18 @@ def test_what_cannot_be_used_is_one_line_that_names_the_module(installed, tmp_pa
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("number", range(len(LEAVING)))
+def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, number):
+    parts, status, told = LEAVING[number]
+    with fresh(installed):
+        done = build(tmp_path, **parts)
+    assert done.returncode == status, done.stderr
+    assert told in done.complaints[-1], done.stderr
+    assert "SystemExit: 0" in done.complaints[-1], done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(installed, tmp_path):
     """And a law's report needs no kind."""
     with fresh(installed):
@@ -145,7 +187,13 @@ def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(install
     assert done.returncode == 1, done.stderr
     report = json.loads((tmp_path / "out" / "validation" / "report.json").read_text())
     found = {one["name"]: one["note"] for one in report["checks"] if not one["passed"]}
-    assert found.keys() == {"odd: figure", "odd: report", "thief: report", "none: check"}
+    assert found.keys() == {
+        "odd: figure",
+        "odd: report",
+        "thief: report",
+        "none: check",
+        "leaver: check",
+    }
     assert found["odd: figure"] == "figure nan, not finite"
     assert found["thief: report"] == (
         "cannot be made (odd_check): checks of validation/report.json is another's"
