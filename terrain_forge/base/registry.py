@@ -146,7 +146,7 @@ def _skip_twin(point: EntryPoint, group: str, name: str, module: str, why: str) 
 
 
 def plugin_at_fault(error: BaseException) -> str:
-    """The plugin whose code raised an error or called what did, and where; empty if it was ours."""
+    """The plugin whose code raised an error or called what did, where and why; empty for ours."""
     points = [point for package in distributions() for point in package.entry_points]
     foreign = [point for point in points if point.group.startswith(f"{_OURS}.")]
     ends = {part: p for p in foreign for part in (p.module.partition(".")[0], p.module)}
@@ -156,7 +156,8 @@ def plugin_at_fault(error: BaseException) -> str:
         if package == _OURS:
             return ""
         if point := ends.get(module) or ends.get(package):
-            return f"{_what(point.group)} {point.name!r} ({module}, line {line})"
+            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            return f"{_what(point.group)} {point.name!r} ({module}, line {line}) failed: {why}"
     return ""
 
 

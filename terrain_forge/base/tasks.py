@@ -16,11 +16,13 @@ from concurrent.futures import CancelledError
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from subprocess import PIPE, Popen
 from typing import Any, TypeVar
 
-from terrain_forge.base.errors import OutputError
+from terrain_forge.base.errors import OutputError, PluginError, TerrainForgeError
+from terrain_forge.base.registry import FOREIGN_FAILURES, failure_words, plugin_at_fault
 from terrain_forge.base.threads import ask_for_interrupt, processors, worker_threads
 
 T = TypeVar("T")
@@ -81,10 +83,21 @@ def _tried(function: Callable[[T], R], item: T, tries: int) -> R | Exception:
     for left in reversed(range(tries)):
         try:
             return function(item)
-        except Exception as error:
+        except FOREIGN_FAILURES as error:
             if not left:
-                return error
+                return _failure(error)
     raise ValueError(f"tries: {tries}, at least 1")
+
+
+def _failure(error: BaseException) -> Exception:
+    """An error of a task; one in the lines of another package is told as that package's."""
+    if isinstance(error, TerrainForgeError | OSError | MemoryError):
+        return error
+    if told := plugin_at_fault(error):
+        failure = PluginError(told)
+        failure.__cause__ = error
+        return failure
+    return error if isinstance(error, Exception) else RuntimeError(failure_words(error))
 
 
 def _in_processes(
@@ -191,9 +204,10 @@ def serve_tasks() -> None:
 
     It ends where its input does, at once, whatever it is at: nobody waits for it any more.
     """
-    output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is not for the pipe
-    given = sys.stdin.buffer
+    given, output = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    with Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), 0)  # what others read, or close as `exit` does, is not the pipe
+    os.dup2(2, 1)  # nor is what they print for it
     path, function, tries = pickle.load(given)
     sys.path[:] = path
     items: SimpleQueue[Any] = SimpleQueue()

@@ -84,9 +84,8 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
             return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
     except FOREIGN_FAILURES as error:
-        if (plugin := plugin_at_fault(error)) and "--debug" not in arguments:
-            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            say(f"terrain-forge: {plugin} failed: {why}; --debug shows all", err=True)
+        if (told := plugin_at_fault(error)) and "--debug" not in arguments:
+            say(f"terrain-forge: {told}; --debug shows all", err=True)
             return INTERNAL
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)

@@ -65,7 +65,7 @@ MODULES = {
     + "    def relief(self, *, site, window, elevation):\n"
     + "        return {'nan': np.full_like(elevation, np.nan), 'none': None,\n"
     + "                'shape': np.ones((2, 2)), 'ok': elevation, 'far': elevation + 1e300,\n"
-    + "                }.get(self.what) if self.what != 'exit' else exit(0)\n"
+    + "                }[self.what] if self.what != 'exit' else exit(0)\n"
     + "    def brightness(self, *, site, window): return np.ones((2, 2))\n",
     "odd_law.py": HEAD
     + "from terrain_forge.rocks import SizeLaw\n"
@@ -177,6 +177,22 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
     assert "SystemExit: 0" in done.complaints[-1], done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("what", ["exit", "raise"])
+def test_a_plugin_that_fails_in_a_task_is_named(installed, tmp_path, workers, what):
+    recipe = RECIPE.replace("LAYERS", f"{{kind: odd, what: {what}}}").replace("EXPORTS", "[]")
+    (tmp_path / "odd.yaml").write_text(recipe.replace("ROCKS", "").replace("PATHS", ""))
+    out = tmp_path / "many"
+    with fresh(installed):
+        done = run(
+            *("worlds", tmp_path / "odd.yaml", "-o", out, "--count", 1, "--workers", workers)
+        )
+    assert done.returncode == 1, done.stderr
+    assert "not made     00000: layer " in done.stdout
+    assert " (odd_layer, line " in done.stdout
+    assert {"exit": "SystemExit: 0", "raise": "KeyError: 'raise'"}[what] in done.stdout
 
 
 def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(installed, tmp_path):
