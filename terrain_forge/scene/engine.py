@@ -25,9 +25,9 @@ class EngineScene(Protocol):
 
     handle: int
 
-    def add_grid(self, vertices: NDArray[np.float32]) -> None: ...  # noqa: D102
+    def add_grid(self, vertices: NDArray[np.float32], *, often: bool = False) -> None: ...  # noqa: D102
     def add_triangles(  # noqa: D102
-        self, vertices: NDArray[np.float64], faces: NDArray[np.int32]
+        self, vertices: NDArray[np.floating], faces: NDArray[np.int32]
     ) -> None: ...
     def add_instances(  # noqa: D102
         self,

@@ -46,9 +46,13 @@ class RayScene:
 
     Coordinates are kept in 32 bits; rays are moved to a frame at the ground's middle first, so that
     the error does not grow with the place of a tile in its site.
+
+    Args:
+        subject: What the rays are cast at.
+        often: Whether so many are cast that it is worth to be longer in making it ready.
     """
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, subject: Subject, *, often: bool = False) -> None:
         check_engine()
         self.subject = subject
         """What the rays are cast at."""
@@ -59,7 +63,7 @@ class RayScene:
         """Where the scene's own frame lies in the world [m], shape [3]."""
         self._shapes: list[EngineScene] = []
         self._whole = empty_scene()
-        self._whole.add_grid(_vertices(ground, self.origin))
+        self._whole.add_grid(_vertices(ground, self.origin), often=often)
         if len(copies):
             self._shapes = [committed(mesh.vertices, mesh.faces) for mesh in copies.meshes]
             transforms = np.empty((len(copies), 3, 4), dtype=np.float32)

@@ -66,14 +66,15 @@ class TracerScene:
         self._transforms = np.empty((0, 3, 4))
         self._words = np.empty(0, np.int32)
 
-    def add_grid(self, vertices: NDArray[np.float32]) -> None:
+    def add_grid(self, vertices: NDArray[np.float32], *, often: bool = False) -> None:  # noqa: ARG002
         """Set the grid of vertices [m], shape [rows, columns, 3].
 
-        The cell (row, column) is cut from (row, column + 1) to (row + 1, column).
+        The cell (row, column) is cut from (row, column + 1) to (row + 1, column), and made ready in
+        one way, however `often` rays are cast.
         """
         self._grid = np.ascontiguousarray(vertices, np.float32)
 
-    def add_triangles(self, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
+    def add_triangles(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
         """Set the mesh: vertices [m], shape [vertices, 3], and corners, shape [faces, 3]."""
         self._vertices = np.ascontiguousarray(vertices, np.float32)
         self._faces = np.ascontiguousarray(faces, np.int32)

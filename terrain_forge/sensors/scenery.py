@@ -52,7 +52,7 @@ class Scenery:
 
     def __init__(self, world: World, motion: Motion) -> None:
         self.world, self.motion = world, motion
-        self.scene = RayScene(subject_of(world, close=True))
+        self.scene = RayScene(subject_of(world, close=True), often=True)
         """The ground, its rocks, and what lies beyond."""
         self._looks = rover_looks(world.rover)
         self._links = RoverLinks(world.rover, motion)

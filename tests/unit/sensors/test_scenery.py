@@ -10,7 +10,7 @@ import pytest
 from terrain_forge.base import RecipeError, kernel
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import DtmPatch, Trajectory
-from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, open_scene, shade8
+from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, RayScene, shade8, subject_of
 from terrain_forge.scene.embree import INCOHERENT
 from terrain_forge.scene.packets import ACTIVE, FAR, packet_memory, set_ray
 from terrain_forge.sensors import (
@@ -115,12 +115,18 @@ def test_what_lies_within_the_world_is_met_as_before_to_the_bit(scenery):
     origins = random.uniform((-11, -7, 3), (11, 7, 6), (4000, 3))
     directions = random.normal(size=(4000, 3))
     with_apron = scenery.scene.cast(origins, directions)
-    with open_scene(scenery.world.replace(horizon=None)) as alone:
+    subject = subject_of(scenery.world.replace(horizon=None))
+    with RayScene(subject, often=True) as alone:
         without = alone.cast(origins, directions)
+    with RayScene(subject) as seldom:
+        nearly = seldom.cast(origins, directions)
     met = without.rock != MISSED
     assert np.array_equal(without.rock[met], with_apron.rock[met])
     assert np.array_equal(without.distance[met], with_apron.distance[met])
     assert np.array_equal(without.normal[met], with_apron.normal[met])
+    assert np.mean(nearly.rock == without.rock) > 0.999
+    same = met & (nearly.rock == without.rock)
+    assert np.abs(nearly.distance[same] - without.distance[same]).max() < 1e-4
     down = directions[:, 2] < -0.01
     assert not np.any(with_apron.rock[down] == MISSED)
 
