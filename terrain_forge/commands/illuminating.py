@@ -62,7 +62,7 @@ def illumination(
     Writes GeoTIFFs: hours of sunlight and of the Earth, ground that is never lit, the horizon all
     around, the part of the Sun that is seen at each moment; a table, pictures, and a film of the
     shadows. It looks at the DTM, of a recipe at all of it and beyond it at the horizon's, not at
-    rocks or drawn detail.
+    rocks or drawn detail. Of a world there is a film of its day too, with all that is in it.
     """
     from terrain_forge.base import resolved
     from terrain_forge.building import require_apart
@@ -76,11 +76,11 @@ def illumination(
     wish = Wish(reach=1e3 * reach, **wishes)
     how: dict[str, Any] = {"force": force, "tell": partial(say, err=True)}
     if recipe.is_dir():
-        site = World.load(recipe).site
-        target = out or Path(f"{site.name}_illumination")
+        world = World.load(recipe)
+        target = out or Path(f"{world.site.name}_illumination")
         require_apart(resolved(target), [recipe])
-        with Display(("land", "rays", "files")) as display:
-            lines = illuminate(site, None, target, wish, progress=display, **how)
+        with Display(("land", "rays", "files", "view")) as display:
+            lines = illuminate(world.site, None, target, wish, world=world, progress=display, **how)
     else:
         file = load_given(recipe, changes=changes)
         target = out or Path(f"{file.recipe.name}_illumination")

@@ -14,7 +14,9 @@ from PIL import Image, ImageDraw
 from terrain_forge.base import Array, image_rows, srgb_from_linear
 from terrain_forge.illumination.land import Land
 from terrain_forge.illumination.period import Light
-from terrain_forge.model import Site
+from terrain_forge.making import light_at
+from terrain_forge.model import Site, World
+from terrain_forge.scene import render_in_lights
 from terrain_forge.sky import Above, true_solar_time, utc_text
 from terrain_forge.writers import write_geotiff, write_png
 
@@ -23,6 +25,8 @@ _SIDE = 512
 _WIDEST = 4096
 """And at most: of a larger map each n-th node is shown."""
 _FRAME_MS = 120
+_VIEW = 960, 540
+"""Width and height of what the preview's eye sees [pixels]."""
 _MOST_HORIZON = 8_000_000
 """Values of the horizon map that are written; of more, each n-th azimuth is."""
 _TEXT, _SHADE = (255, 255, 255), (0, 0, 0)
@@ -86,19 +90,41 @@ def _two(above: Above) -> list[tuple[str, Array]]:
 
 
 def write_film(
-    path: Path, land: Land, light: Light, above: Above, captions: list[str], frames: int
+    path: Path, land: Land, light: Light, above: Above, captions: list[str], most: int
 ) -> bool:
     """Write the map under the moving Sun, north up, as an animated WebP; not where it is night."""
-    day = np.flatnonzero(light.moments.reshape(len(captions), -1).any(axis=1))
-    if not len(day):
-        return False
-    chosen = day[np.unique(np.linspace(0, len(day) - 1, frames).round().astype(int))].tolist()
-    made = [shaded(land, above.sun[n], light.moments[n], captions[n]) for n in chosen]
-    made[0].save(
-        path, format="WEBP", save_all=True, append_images=made[1:], duration=_FRAME_MS, loop=0,
-        quality=85, method=3,
-    )  # fmt: skip
-    return True
+    chosen = _spread(np.asarray(light.moments.reshape(len(captions), -1).any(axis=1)), most)
+    return _write_frames(
+        path, [shaded(land, above.sun[n], light.moments[n], captions[n]) for n in chosen]
+    )
+
+
+def write_day(
+    path: Path, world: World, moments: list[datetime], above: Above, captions: list[str], most: int
+) -> bool:
+    """Write what the preview's eye sees under the moving Sun, likewise; not where it is night."""
+    chosen = _spread(above.sun[:, 2] > 0.5 * above.sun_diameter, most)
+    lights = (light_at(world.site, moments[n]) for n in chosen)
+    seen = render_in_lights(world, lights, width=_VIEW[0], height=_VIEW[1])
+    pictures = zip(map(Image.fromarray, seen), chosen, strict=True)
+    return _write_frames(path, [_captioned(picture, captions[n]) for picture, n in pictures])
+
+
+def _spread(day: NDArray[np.bool_], most: int) -> list[int]:
+    """The moments of day, evenly thinned to the most that may be."""
+    lit = np.flatnonzero(day)
+    steps = np.linspace(0, len(lit) - 1, most if len(lit) else 0)
+    return [int(n) for n in lit[np.unique(steps.round().astype(int))]]
+
+
+def _write_frames(path: Path, frames: list[Image.Image]) -> bool:
+    """Write an animated WebP; returns whether there was a frame."""
+    if frames:
+        frames[0].save(
+            path, format="WEBP", save_all=True, append_images=frames[1:], duration=_FRAME_MS,
+            loop=0, quality=85, method=3,
+        )  # fmt: skip
+    return bool(frames)
 
 
 def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> Image.Image:
@@ -128,8 +154,12 @@ def _picture(colour: Array, caption: str) -> Image.Image:
     image = Image.fromarray(pixels)
     times = max(1, -(-_SIDE // max(image.size)))
     image = image.resize((times * image.width, times * image.height), Image.Resampling.NEAREST)
-    if caption:
-        draw = ImageDraw.Draw(image)
-        draw.rectangle((0, image.height - 16, image.width, image.height), fill=_SHADE)
-        draw.text((4, image.height - 14), caption, fill=_TEXT)
+    return _captioned(image, caption) if caption else image
+
+
+def _captioned(image: Image.Image, caption: str) -> Image.Image:
+    """A picture with a line at its foot."""
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, image.height - 16, image.width, image.height), fill=_SHADE)
+    draw.text((4, image.height - 14), caption, fill=_TEXT)
     return image

@@ -21,11 +21,17 @@ from terrain_forge.base import (
     silent,
 )
 from terrain_forge.building import pace, replacing, require_ours, told_files, write_manifest
-from terrain_forge.illumination.files import write_film, write_hours, write_maps, write_table
+from terrain_forge.illumination.files import (
+    write_day,
+    write_film,
+    write_hours,
+    write_maps,
+    write_table,
+)
 from terrain_forge.illumination.land import Land, Source, find_land
 from terrain_forge.illumination.period import Light, light_over, moments_of, solar_day
 from terrain_forge.making import place_of
-from terrain_forge.model import Site
+from terrain_forge.model import Site, World
 from terrain_forge.sky import (
     Above,
     days_of,
@@ -91,6 +97,7 @@ def illuminate(
     out: Path | str,
     wish: Wish,
     *,
+    world: World | None = None,
     force: bool = False,
     progress: Progress = silent,
     tell: Callable[[str], None] | None = None,
@@ -102,6 +109,7 @@ def illuminate(
         source: The recipe's DTM, to be read as far as it goes; None for what the site holds.
         out: The folder to write; an older one of `illuminate` is replaced when the new is whole.
         wish: What is to be found.
+        world: The site's world, of which a film of the day is made.
         force: Whether files may be removed that lie in the older folder and are not its own.
         progress: Called with the part that is done.
         tell: Called with a line on what it costs, before it begins.
@@ -153,7 +161,12 @@ def illuminate(
         }
         above = look_up(*place, np.array([days_of(moment) for moment in moments]))
         hours = len(moments) * step / timedelta(hours=1)
-        lines = _write(folder, site, land, light, moments, above, facts, hours)
+        captions = _captions(moments, above)
+        lines = _write(folder, site, land, light, moments, above, captions, facts, hours)
+        if world is not None:
+            watch("view")
+            if write_day(folder / "day.webp", world, moments, above, captions, _FRAMES):
+                lines.append("day.webp, what the preview's eye sees")
         write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
     heading = (
         *([f"removed from {out}: {', '.join(told_files(removed))}"] if removed else []),
@@ -183,6 +196,14 @@ def _map_told(land: Land, wish: Wish) -> str:
     return f"{told} (nearest to {wish.size[0]:g} × {wish.size[1]:g} m)"
 
 
+def _captions(moments: list[datetime], above: Above) -> list[str]:
+    return [
+        f"{utc_text(moment)}  {true_solar_time(float(above.solar_time[n]))} solar  Sun "
+        f"{np.degrees(np.arcsin(above.sun[n, 2])):.1f} deg high"
+        for n, moment in enumerate(moments)
+    ]
+
+
 def _write(
     folder: Path,
     site: Site,
@@ -190,15 +211,11 @@ def _write(
     light: Light,
     moments: list[datetime],
     above: Above,
+    captions: list[str],
     facts: dict[str, Any],
     hours: float,
 ) -> list[str]:
     """Write maps, table, pictures and film; returns lines that say what."""
-    captions = [
-        f"{utc_text(moment)}  {true_solar_time(float(above.solar_time[n]))} solar  Sun "
-        f"{np.degrees(np.arcsin(above.sun[n, 2])):.1f} deg high"
-        for n, moment in enumerate(moments)
-    ]
     lines = write_maps(folder, light, land, site, [utc_text(moment) for moment in moments])
     write_table(folder / "illumination.json", moments, above, light, facts)
     write_hours(folder / "sunlight_hours.png", light, hours)

@@ -26,6 +26,7 @@ from .packets import packet_memory as packet_memory
 from .packets import set_ray as set_ray
 from .picture import take_picture as take_picture
 from .preview import render_from_above as render_from_above
+from .preview import render_in_lights as render_in_lights
 from .preview import render_preview as render_preview
 from .preview import write_preview as write_preview
 from .scene import BODY as BODY

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.model import World
+from terrain_forge.model import Lighting, World
 from terrain_forge.scene.camera import Camera, map_camera, pinhole_camera
 from terrain_forge.scene.picture import take_picture
 from terrain_forge.scene.scene import GROUND, RayScene, open_scene
@@ -37,6 +38,20 @@ def render_preview(
     with open_scene(world, close=True) as scene:
         camera = choose_view(world, scene, width=width, height=height)
         return take_picture(scene, camera, tracks=tracks)
+
+
+def render_in_lights(
+    world: World, lights: Iterable[Lighting], *, width: int, height: int
+) -> Iterator[NDArray[np.uint8]]:
+    """The world from `render_preview`'s place in one light after another, as it shows each.
+
+    Raises:
+        TerrainForgeError: where Embree is missing.
+    """
+    with open_scene(world, close=True) as scene:
+        camera = choose_view(world, scene, width=width, height=height)
+        for light in lights:
+            yield take_picture(scene, camera, light)
 
 
 def render_from_above(world: World, size: int) -> NDArray[np.uint8]:
