@@ -102,16 +102,17 @@ def sweep_plot(sweep: WorldSweep | None, counts: RingCounts) -> bytes:
         axes[0].set_title("A sweep from above, by ring", fontsize=10, loc="left", color=INK)
         axes[0].set_xlabel("east of the lidar [m]")
         axes[0].set_ylabel("north of it [m]")
-    bars, rings = axes[-1], np.arange(len(counts.ground))
-    bars.bar(rings, counts.ground, width=1.0, color=_AXES[1], label="ground and rocks")
+    bars, edges = axes[-1], np.arange(len(counts.ground) + 1) - 0.5
+    bars.stairs(counts.ground, edges, fill=True, color=_AXES[1], label="ground and rocks")
     if counts.rover.any():
-        below = counts.ground
-        bars.bar(rings, counts.rover, width=1.0, bottom=below, color=_AXES[0], label="the rover")
+        both, below = counts.ground + counts.rover, counts.ground
+        bars.stairs(both, edges, baseline=below, fill=True, color=_AXES[0], label="the rover")
         bars.legend(loc="upper right", **LEGEND)
     bars.set_title("Returns of a sweep by ring", fontsize=10, loc="left", color=INK)
     bars.set_xlabel("ring")
     bars.xaxis.set_major_locator(MaxNLocator(integer=True))
-    bars.set_xlim(-0.6, len(rings) - 0.4)
+    bars.set_xlim(edges[0] - 0.1, edges[-1] + 0.1)
+    bars.set_ylim(bottom=0.0)
     return png_of(figure)
 
 
