@@ -22,6 +22,8 @@ SLAB_CELL = 0.62
 """Size of slabs of bedrock [m]."""
 SLAB_JOINT = 0.035
 """Half the width of the joints between them [m]."""
+SLAB_SHOWN = 1.0, 2.0
+"""Sizes of slabs, in pixels, from which on they begin to show, and show in full."""
 SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
 SOIL_STEEP = 0.038
@@ -262,11 +264,13 @@ def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # 
     tint, rise_x, rise_y, shade = soil(key, east, north, coarsest, grain, sun_x, sun_y, footprint)
     bright = 1.0 + 0.22 * tint
     some = grain[0] * min(1.5, max(0.2, 1.0 + 1.2 * tint))
-    if grain[2] > 0.0:
+    begin, full = SLAB_SHOWN
+    share = grain[2] * min(1.0, max(0.0, (SLAB_CELL / footprint - begin) / (full - begin)))
+    if share > 0.0:
         joint, slab_x, slab_y, tone = slabs(key, east, north, footprint)
-        rise_x, rise_y = rise_x + grain[2] * slab_x, rise_y + grain[2] * slab_y
-        bright *= 1.0 + grain[2] * (0.16 * tone * (1.0 - joint) - 0.3 * joint)
-        some *= 1.0 - 0.6 * grain[2] * (1.0 - joint)
+        rise_x, rise_y = rise_x + share * slab_x, rise_y + share * slab_y
+        bright *= 1.0 + share * (0.16 * tone * (1.0 - joint) - 0.3 * joint)
+        some *= 1.0 - 0.6 * share * (1.0 - joint)
     for layer in range(len(CLAST_CELLS)):
         cover, stone_x, stone_y, tone, dark = clasts(
             mix(key, np.uint64(layer)), east, north, CLAST_CELLS[layer], some, sun_x, sun_y,

@@ -11,6 +11,7 @@ from terrain_forge.scene.grain import (
     MORE_CLAST,
     SLAB_CELL,
     SLAB_JOINT,
+    SLAB_SHOWN,
 )
 from terrain_forge.scene.packets import LANES
 from terrain_forge.scene.relief import (
@@ -120,6 +121,7 @@ def clast_lanes(space, relief):  # type: ignore[no-untyped-def]
 _WARP, _WARPED, _ACROSS, _SLAB, _JOINT, _JITTER, _FAR, _WALL, _LEAN = (
     np.float32(n) for n in (2.7, 0.35, 1.4, SLAB_CELL, SLAB_JOINT, 0.42, 9.0, 0.9, 0.05)
 )
+_BEGIN, _GROW = np.float32(SLAB_SHOWN[0]), np.float32(1.0 / (SLAB_SHOWN[1] - SLAB_SHOWN[0]))
 _TWO_AND_HALF, _SLAB_TONE, _JOINT_DARK, _BARE = (np.float32(n) for n in (2.5, 0.16, 0.3, 0.6))
 
 
@@ -130,7 +132,8 @@ def _slab_lanes(space, relief):  # type: ignore[no-untyped-def]
     slab_i, slab_j = np.int32(relief.slab_keys[1, 1]), np.int32(relief.slab_keys[1, 2])
     warp_key, slab_key = relief.slab_keys[0, 0], relief.slab_keys[1, 0]
     for lane in range(LANES):
-        share = space[SLABBY + lane]
+        shown = (_SLAB / space[FOOTPRINT + lane] - _BEGIN) * _GROW
+        share = space[SLABBY + lane] * min(_1, max(_0, shown))
         if share <= _0:
             continue
         x, y = space[PLACE_X + lane], space[PLACE_Y + lane]
