@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -65,7 +65,7 @@ def write_manifest(
         holds: what the folder holds, in a word.
     """
     names = [name for name in all_files(directory) if name not in foreign]
-    outputs = {**_hashes(directory, names), **altered}
+    outputs = {**_hashes(directory, [name for name in names if name not in altered]), **altered}
     recipe = json.loads(site.recipe_json)
     manifest = {
         "terrain_forge": __version__,
@@ -228,7 +228,7 @@ def altered_files(directory: Path, manifest: Manifest) -> dict[str, str]:
     for path in (directory / name for name in names):
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise OutputError(f"{path} is no regular file: move it away")
-    found = _hashes(directory, names)
+    found = _hashes(directory, names, hash_found)
     return {
         name: wanted for name, wanted in manifest["outputs"].items() if found.get(name) != wanted
     }
@@ -287,11 +287,21 @@ def _raise(error: OSError) -> NoReturn:
     raise error
 
 
-def _hashes(directory: Path, names: Sequence[str]) -> dict[str, str]:
+def hash_found(path: Path) -> str:
+    """SHA-256 of a file that may have been changed since, or why it cannot be read."""
+    try:
+        return sha256(path)
+    except OSError as error:
+        return str(error)
+
+
+def _hashes(
+    directory: Path, names: Sequence[str], hashed: Callable[[Path], str] = sha256
+) -> dict[str, str]:
     """SHA-256 of those of the files that equal builds must agree in."""
     names = [name for name in names if _is_promised(name) and (directory / name).is_file()]
     with worker_threads(_READERS) as pool:
-        return dict(zip(names, pool.map(lambda n: sha256(directory / n), names), strict=True))
+        return dict(zip(names, pool.map(lambda n: hashed(directory / n), names), strict=True))
 
 
 def _is_promised(name: str) -> bool:

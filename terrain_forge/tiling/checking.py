@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, read_text, run_tasks
-from terrain_forge.building import holding, storing
+from terrain_forge.building import hash_found, holding, storing
 from terrain_forge.model import Check, at_most
-from terrain_forge.recipe import sha256
 from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
 from terrain_forge.tiling.order import (
@@ -46,7 +45,7 @@ def check_tile(out: str, number: int) -> list[str]:
         path = folder / name
         if not path.is_file():
             found.append(f"{place}/{name} is missing")
-        elif sha256(path) != wanted:
+        elif hash_found(path) != wanted:
             found.append(f"{place}/{name} is damaged")
     return found
 
@@ -71,7 +70,7 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
             bad += [f"{where}: {result}"] if isinstance(result, Exception) else result
             watch(f"tiles: {done} of {count}", done / count)
         watch("manifest")
-        return _judge(order, [*bad, *_of_site(order, manifest)])
+        return _judge(order, {*bad, *_of_site(order, manifest)})
 
 
 def judge_again(order: TileOrder, manifest: dict[str, Any]) -> None:
@@ -84,10 +83,10 @@ def judge_again(order: TileOrder, manifest: dict[str, Any]) -> None:
     if places:
         tiles = [n for n in range(len(order.grid)) if order.grid.folder(n) in places]
         bad = [name for number in tiles for name in check_tile(str(order.out), number)]
-        _judge(order, [*bad, *_of_site(order, manifest)])
+        _judge(order, {*bad, *_of_site(order, manifest)})
 
 
-def _judge(order: TileOrder, bad: list[str]) -> bool:
+def _judge(order: TileOrder, bad: set[str]) -> bool:
     """Write the report; whether all is as it was built."""
     out = order.out
     checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
@@ -107,7 +106,7 @@ def _judge(order: TileOrder, bad: list[str]) -> bool:
     return all(check.passed for check in checks)
 
 
-def _check(name: str, bad: list[str], what: str) -> Check:
+def _check(name: str, bad: set[str], what: str) -> Check:
     named = "; ".join(sorted(bad)[:_NAMED]) + (" …" if len(bad) > _NAMED else "")
     repair = "; move the folders of damaged tiles away, and build again" if bad else ""
     return at_most(name, len(bad), 0, note=f"{what}: {named}{repair}" if bad else what)
@@ -120,7 +119,7 @@ def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
         path = order.out / name
         if not path.is_file():
             bad.append(f"{name} is missing")
-        elif sha256(path) != wanted:
+        elif hash_found(path) != wanted:
             bad.append(f"{name} is damaged")
     table = order.out / FOLDER / TABLE
     try:
@@ -129,6 +128,6 @@ def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
         lines = []
     for number, line in enumerate(lines):
         path = order.folder(number) / TILE
-        if path.is_file() and sha256(path) != line.rpartition(",")[2]:
+        if path.is_file() and hash_found(path) != line.rpartition(",")[2]:
             bad.append(f"{order.grid.folder(number)}/{TILE} is damaged")
     return bad
