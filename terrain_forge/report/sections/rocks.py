@@ -87,7 +87,7 @@ def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
     evenness, dynamic, burial = (part.get(n) for n in ("clark_evans", "dynamic", "burial"))
     ends, listed = part["diameter_m"], "as listed" if "file" in part else ""
     rests = (dynamic["dynamic"], dynamic["expected"]) if dynamic else ()
-    expected = f"{_percent(cover['expected'])} ± {_percent(cover['standard_deviation'])}"
+    known = [_percent(cover[n]) for n in ("expected", "standard_deviation") if n in cover]
     return {
         "Law": _law(part),
         "Arrangement": _LIES.get(part.get("arrangement", ""), listed),
@@ -100,7 +100,7 @@ def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
         "Drawn": _verdict(part, built),
         "Your counts": _fit(part.get("fit_to_counts")),
         "Unplaced": thousands(part["unplaced"]) if "unplaced" in part else "",
-        "Expected cover": expected if "expected" in cover else "",
+        "Expected cover": " ± ".join(known),
         "Observed cover": _percent(cover["observed"]),
         "z of the cover": signed(cover["z"]) if "z" in cover else "",
         "Visible cover": _percent(cover["outline"]),

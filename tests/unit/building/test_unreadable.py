@@ -12,7 +12,7 @@ from tests.helpers import worlds
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of two files that its manifest lists, one of which became a link to what no file is."""
+    """A folder of two files that its manifest lists, one of them a link to no file by now."""
     for name in ("a.txt", "b.txt"):
         (tmp_path / name).write_text(name)
     write_manifest(worlds.site(), tmp_path, exports=(), altered={})
