@@ -87,6 +87,8 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         if (told := plugin_at_fault(error)) and "--debug" not in arguments:
             say(f"terrain-forge: {told}; --debug shows all", err=True)
             return INTERNAL
+        if isinstance(error, SystemExit):  # click's, when a shell has asked for completion
+            return int(error.code or 0)
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
         return INTERNAL
@@ -111,20 +113,41 @@ def run_process(command: click.Command) -> None:
         os._exit(status)
 
 
+class _Stream(io.FileIO):
+    """What is shown to somebody who may go: the rest is shown to nobody, and work goes on."""
+
+    def write(self, content: Any, /) -> int:
+        try:
+            return super().write(content) or 0
+        except OSError as error:
+            if error.errno != errno.EPIPE and self.fileno() == 1:
+                raise OSError(error.errno, error.strerror, "standard output") from None
+            with Path(os.devnull).open("wb") as nobody:
+                os.dup2(nobody.fileno(), self.fileno())
+            return len(content)
+
+
 def _open_streams() -> None:
-    """Open the standard streams that were closed, and let any name be shown.
+    """Open the standard streams that were closed, let any name be shown, and readers go.
 
     Else the next files that are opened took their numbers, and what C libraries complain of.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
+        shown = getattr(sys, name)
+        if shown is None:
             stream = Path(os.devnull).open("w" if number else "r", encoding="utf-8")
             with suppress(OSError):
                 os.set_inheritable(number, stream.fileno() == number)
             setattr(sys, name, stream)
-    for shown in (sys.stdout, sys.stderr):
-        if isinstance(shown, io.TextIOWrapper):
-            shown.reconfigure(errors="backslashreplace")
+        elif number and isinstance(shown, io.TextIOWrapper):
+            text = io.TextIOWrapper(
+                io.BufferedWriter(_Stream(number, "w", closefd=False)),
+                encoding=shown.encoding,
+                errors="backslashreplace",
+                line_buffering=shown.line_buffering,
+                write_through=shown.write_through,
+            )
+            setattr(sys, name, text)
 
 
 def _share_one_heap() -> None:

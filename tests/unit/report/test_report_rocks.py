@@ -27,7 +27,7 @@ LISTED = "{name: mapped, file: rocks.csv}"
         ("", "", []),
         (LAW, "", ["drawn", "Expected cover"]),
         ("", LISTED, ["mapped", "as listed"]),
-        (LAW, LISTED, ["drawn", "mapped", "as listed", "Expected cover", "together"]),
+        (LAW, LISTED, ["drawn", "mapped", "as listed", "Expected cover"]),
     ],
     ids=["none", "law", "list", "both"],
 )

@@ -32,6 +32,39 @@ def test_a_closed_stream_changes_no_status(closed):
     assert subprocess.run(f"{wrong} {closed}", shell=True, check=False).returncode == 2
 
 
+@pytest.mark.parametrize("command", ["sites", "init --recipe none", "--help"])
+def test_a_reader_that_goes_changes_no_status(command):
+    words = [*shlex.split(COMMAND)[:-1], *command.split()]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as shown:
+        shown.stdout.close()
+        complaints = shown.stderr.read().decode()
+    assert shown.returncode == (2 if "none" in command else 0)
+    assert complaints.count("\n") == (1 if "none" in command else 0)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+def test_a_stream_that_takes_nothing_is_named():
+    done = subprocess.run(
+        f"{COMMAND} > /dev/full", shell=True, stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert done.returncode == 3
+    assert "No space left on device: 'standard output'" in done.stderr
+    silent = subprocess.run(f"{COMMAND} x 2> /dev/full", shell=True, check=False)
+    assert silent.returncode == 2
+
+
+def test_a_shell_that_asks_for_completion_is_answered():
+    asked = {"_TERRAIN_FORGE_COMPLETE": "bash_complete", "COMP_WORDS": "x ch", "COMP_CWORD": "1"}
+    done = subprocess.run(
+        shlex.split(COMMAND)[:-1],
+        env=os.environ | asked,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "plain,check\n", "")
+
+
 def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", lambda _: signal.raise_signal(signal.SIGINT))
     done = run("sites")
