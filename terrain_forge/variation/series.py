@@ -22,6 +22,7 @@ from terrain_forge.base import (
     OutputError,
     Progress,
     RecipeError,
+    Spec,
     Stopwatch,
     TerrainForgeError,
     compile_ahead,
@@ -170,15 +171,19 @@ def name_of(number: int) -> str:
 
 def orders_of(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[ExportOrder, ...]:
     """The exports, with small pictures of the ground where the recipe does not tell their size."""
-    orders = chosen_exports(recipe, only)
     told = recipe.exports if isinstance(recipe.exports, dict) else {}
     return tuple(
         replace(order, options=replace(order.options, texture_pixels=_PICTURE))
-        if "texture_pixels" in {one.name for one in fields(order.options)}
-        and "texture_pixels" not in told.get(order.folder, {})
+        if _has_pictures(order.options) and "texture_pixels" not in told.get(order.folder, {})
         else order
-        for order in orders
+        for order in chosen_exports(recipe, only)
     )
+
+
+def _has_pictures(options: Spec) -> bool:
+    """Whether an export's options tell the size of pictures, and it has some."""
+    named = {one.name for one in fields(options)} - {one.name for one in options.idle()}
+    return "texture_pixels" in named
 
 
 def _order(recipe: Recipe, orders: tuple[ExportOrder, ...]) -> dict[str, Any]:

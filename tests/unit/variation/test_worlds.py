@@ -14,7 +14,9 @@ import pytest
 import terrain_forge as tf
 from terrain_forge.building import read_manifest
 from terrain_forge.dtm import dtm_heights
+from terrain_forge.model import exporter_names
 from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
+from terrain_forge.variation.series import orders_of
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -76,6 +78,14 @@ def test_a_dask_cluster_makes_the_same_bytes(made: Path, tmp_path: Path) -> None
         assert (done.made, done.failed) == (4, ())
         assert len(cluster.scheduler_info["workers"]) == 2
     assert contents(done.directory) == contents(made)
+
+
+@pytest.mark.parametrize("kind", exporter_names())
+def test_any_format_is_made_with_what_the_series_chooses(kind: str, tmp_path: Path) -> None:
+    path = recipe(tmp_path, lambda plain: plain.update(exports=[kind]))
+    (order,) = orders_of(tf.load_recipe(path).recipe, None)
+    order.options.refuse_idle()
+    assert kind not in {"usd", "glb"} or order.options.texture_pixels == 256
 
 
 def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -> None:
