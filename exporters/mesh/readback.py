@@ -25,10 +25,7 @@ _UNMOVED = np.eye(4)[:3]
 
 
 def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
-    """An OBJ, STL or PLY export; nothing of how it is read is shared with what writes it.
-
-    Where ground and rocks are one mesh, the ground is asked where no rock reaches.
-    """
+    """An OBJ, STL or PLY export; nothing of how it is read is shared with what writes it."""
     del scratch
     files = sorted(folder.glob(f"*.{options.format}"))
     reasons = dict.fromkeys(("masses", "gravity", "path", "balls"), "a mesh carries shapes alone")
@@ -37,14 +34,24 @@ def read_meshes(sample: Sample, folder: Path, options: Any, scratch: Path) -> Re
         rock_error=options.outline_error,
         reasons={**reasons, "findings": "plain meshes have no validator"},
     )
-    if options.format == "obj":
-        objects = ((name, _UNMOVED, mesh) for file in files for name, mesh in read_objects(file))
-        ground, solids = ground_and_rocks(sample, objects)
-        return replace(reading, ground=tuple(ground), seen=solids)
+    found = (_objects if options.format == "obj" else _triangles)(sample, files, reading)
+    if options.rocks == "none":
+        left_out = dict.fromkeys(("rock tops", "rock outlines", "frames"), "rocks: none")
+        found = replace(found, seen=None, hidden=None, reasons={**found.reasons, **left_out})
+    return found
+
+
+def _objects(sample: Sample, files: list[Path], reading: Reading) -> Reading:
+    """Files whose objects have names."""
+    objects = ((name, _UNMOVED, mesh) for file in files for name, mesh in read_objects(file))
+    ground, solids = ground_and_rocks(sample, objects)
+    return replace(reading, ground=tuple(ground), seen=solids)
+
+
+def _triangles(sample: Sample, files: list[Path], reading: Reading) -> Reading:
+    """Files that do not tell ground from rocks: the ground is asked where no rock reaches."""
     heights, near = np.full(len(sample.points), np.nan), [np.zeros((0, 3))]
-    for mesh in (
-        some for file in files for some in read_triangles(file)
-    ):  # the files do not tell ground from rocks
+    for mesh in (some for file in files for some in read_triangles(file)):
         heights = np.fmax(heights, highest_on([mesh], sample.points))
         faces = mesh.faces[sample.near(mesh.vertices[mesh.faces[:, 0]])]
         near.append(mesh.vertices[faces].reshape(-1, 3))
