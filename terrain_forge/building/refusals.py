@@ -6,6 +6,7 @@ import logging
 import os
 import re
 from collections.abc import Collection, Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from terrain_forge.base import OutputError, StorageError, resolved
@@ -88,6 +89,12 @@ def require_ours(out: Path, *, force: bool = False, holds: str = WORLD) -> tuple
         return ()
     if os.path.ismount(out):
         raise OutputError(f"{out} is a mount point, which cannot be replaced: name a folder in it")
+    with suppress(FileNotFoundError):  # the folder that we are in is gone
+        if Path.cwd().is_relative_to(out):
+            raise OutputError(
+                f"{out} would be replaced, and you are in it: go to another folder, or name a new "
+                "one in it with -o"
+            )
     _require_writable(out.parent, out)
     if out.is_dir() and not foreign_files(out, {}):
         return ()

@@ -1,4 +1,4 @@
-"""Files of a world that cannot be read count as altered, and are named."""
+"""Files of a world that cannot be read, and folders that somebody is in."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ import json
 
 import pytest
 
-from terrain_forge.building import altered_files, folder_state, hash_found, write_manifest
+from terrain_forge.base import OutputError
+from terrain_forge.building import (
+    altered_files,
+    folder_state,
+    hash_found,
+    require_ours,
+    write_manifest,
+)
 from tests.helpers import worlds
 
 
@@ -32,3 +39,13 @@ def test_a_new_manifest_keeps_what_it_should_be(folder):
     state = folder_state(folder, manifest)
     write_manifest(worlds.site(), folder, exports=(), altered=state.altered)
     assert json.loads((folder / "manifest.json").read_text()) == manifest
+
+
+@pytest.mark.parametrize("below", ["", "inner"])
+def test_the_folder_that_one_is_in_is_not_replaced(tmp_path, monkeypatch, below):
+    (tmp_path / "out" / below).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "out" / below)
+    with pytest.raises(OutputError, match="you are in it"):
+        require_ours(tmp_path / "out")
+    monkeypatch.chdir(tmp_path)
+    require_ours(tmp_path / "new")
