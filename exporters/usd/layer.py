@@ -83,9 +83,26 @@ def label(prim: Usd.Prim, name: str) -> None:
 
 
 def gf_quaternion(quaternion: Array) -> Gf.Quatf:
-    """The USD quaternion of (w, x, y, z)."""
+    """The USD quaternion of (w, x, y, z), for attributes that take no other."""
+    return Gf.Quatf(gf_turn(quaternion))
+
+
+def gf_turn(quaternion: Array) -> Gf.Quatd:
+    """The USD quaternion of (w, x, y, z) for the places of things.
+
+    OpenUSD turns by the arc cosine of w: of one in single precision less than half a milliradian is
+    no turn at all.
+    """
     w, x, y, z = (float(value) for value in quaternion)
-    return Gf.Quatf(w, x, y, z)
+    return Gf.Quatd(w, x, y, z)
+
+
+def turn_by(thing: UsdGeom.Xformable, quaternion: Array | None = None) -> UsdGeom.XformOp:
+    """Have a thing turned by (w, x, y, z), or as its time samples say."""
+    turn = thing.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+    if quaternion is not None:
+        turn.Set(gf_turn(quaternion))
+    return turn
 
 
 def specify_place(
@@ -101,7 +118,7 @@ def specify_place(
     if position is not None:
         values["xformOp:translate"] = kinds.Double3, Gf.Vec3d(*position.tolist())
     if quaternion is not None:
-        values["xformOp:orient"] = kinds.Quatf, gf_quaternion(quaternion)
+        values["xformOp:orient"] = kinds.Quatd, gf_turn(quaternion)
     if scale is not None:
         values["xformOp:scale"] = kinds.Float3, Gf.Vec3f(scale)
     for name, (kind, value) in values.items():

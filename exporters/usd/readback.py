@@ -222,7 +222,7 @@ def _replays(sample: Sample, scene: Path) -> Iterator[Deviation | None]:
         codes = (asked * rate).tolist()
         # USD's own arrays become NumPy's twenty times as fast as lists of its values do.
         places = np.array(Vt.Vec3dArray([translate.Get(code) for code in codes]))
-        turns = np.array(Vt.QuatfArray([orient.Get(code) for code in codes]), np.float64)
+        turns = np.array(Vt.QuatdArray([orient.Get(code) for code in codes]))
         quaternion = np.roll(turns, 1, axis=1)  # its memory holds x, y, z, w
         wanted = trajectory.at(asked)
         yield Deviation(

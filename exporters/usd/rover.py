@@ -22,7 +22,7 @@ from terrain_forge.model import (
 from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
-from .layer import ROOT, define_mesh, gf_quaternion, label, new_layer, save, set_conventions
+from .layer import ROOT, define_mesh, gf_turn, label, new_layer, save, set_conventions, turn_by
 
 # A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
 _CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
@@ -65,7 +65,7 @@ def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate:
     path = f"/{ROOT}/Paths/{identifier(trajectory.name)}"
     base = UsdGeom.Xform.Define(stage, path)
     translate = base.AddTranslateOp().GetAttr().GetPath()
-    orient = base.AddOrientOp().GetAttr().GetPath()
+    orient = turn_by(base).GetAttr().GetPath()
     layer = stage.GetRootLayer()
     times = sample_times(trajectory, straight_places)
     poses = trajectory.at(times)
@@ -74,7 +74,7 @@ def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate:
         for code, position in zip(codes, poses.position.tolist(), strict=True):
             layer.SetTimeSample(translate, code, Gf.Vec3d(*position))
         for code, quaternion in zip(codes, poses.quaternion, strict=True):
-            layer.SetTimeSample(orient, code, gf_quaternion(quaternion))
+            layer.SetTimeSample(orient, code, gf_turn(quaternion))
     label(base.GetPrim(), "rover")
     for link in rover.links:
         frame = UsdGeom.Xform.Define(stage, f"{path}/{identifier(link.name)}")
@@ -101,7 +101,7 @@ def define_shape(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
         solid.CreateRadiusAttr(shape.size[0])
         solid.CreateHeightAttr(shape.size[1])
     solid.AddTranslateOp().Set(Gf.Vec3d(*shape.position.tolist()))
-    solid.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(shape.rpy)))
+    turn_by(solid, quaternion_from_rpy(shape.rpy))
     if shape.kind == "box":
         solid.AddScaleOp().Set(Gf.Vec3f(*shape.size))
     if shape.mesh is None:
@@ -123,7 +123,7 @@ def define_rig(stage: Usd.Stage, base: str, rover: Rover) -> None:
         frame = UsdGeom.Xform.Define(stage, path)
         place = rover.origins[sensor.link] + sensor.position
         frame.AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
-        frame.AddOrientOp().Set(gf_quaternion(quaternion_from_rpy(sensor.rpy)))
+        turn_by(frame, quaternion_from_rpy(sensor.rpy))
         frame.GetPrim().SetCustomData({"kind": sensor.kind, "figures": _held(sensor.figures)})
         if sensor.view:
             _define_camera(stage, f"{path}/camera", sensor.view, sides.get(sensor.name, "mono"))
@@ -144,7 +144,7 @@ def _held(told: Any) -> Any:
 
 def _define_camera(stage: Usd.Stage, path: str, view: View, side: str) -> None:
     camera = UsdGeom.Camera.Define(stage, path)
-    camera.AddOrientOp().Set(gf_quaternion(_CAMERA_AXES))
+    turn_by(camera, _CAMERA_AXES)
     camera.CreateClippingRangeAttr(Gf.Vec2f(*_CLIPPING))
     camera.CreateStereoRoleAttr(side)
     width = float(camera.GetHorizontalApertureAttr().Get())

@@ -33,7 +33,7 @@ from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import encode_hdr, write_png
 
 from .ground import DETAIL, fresh_craters, write_ground, write_horizon
-from .layer import ROOT, new_stage, save
+from .layer import ROOT, new_stage, save, turn_by
 from .options import Options
 from .rocks import write_library, write_pebbles, write_rock_maps, write_rocks
 from .rover import rig_losses, write_scene
@@ -112,7 +112,7 @@ def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     # It shines along its -z axis: its z axis points to the Sun.
     towards = Gf.Vec3d(*lighting.towards_sun.tolist())
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), towards).GetQuat()
-    UsdGeom.Xformable(sun).AddOrientOp().Set(Gf.Quatf(turn))
+    turn_by(UsdGeom.Xformable(sun)).Set(turn)
     sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
     level = dome_level(lighting, levels)
     sky.CreateIntensityAttr(levels.sky if level is None else level)

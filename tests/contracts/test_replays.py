@@ -142,7 +142,7 @@ def test_a_moved_waypoint_and_a_turned_sample_are_found(exported):
     tree.write(scene)
     stage = Usd.Stage.Open(str(folder / "usd/scene.usda"), Usd.Stage.LoadNone)
     orient = stage.GetPrimAtPath("/World/Paths/circle").GetAttribute("xformOp:orient")
-    orient.Set(Gf.Quatf(1, 0, 0, 0), orient.GetTimeSamples()[30])
+    orient.Set(Gf.Quatd(1, 0, 0, 0), orient.GetTimeSamples()[30])
     stage.GetRootLayer().Save()
     passed = {check.name: check.passed for check in replay_checks(world, folder)}
     assert list(passed.values()) == [False, True, True, False]

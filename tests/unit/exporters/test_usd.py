@@ -18,7 +18,7 @@ from pxr import (
 )
 from terrain_forge.exporters.usd import Options, export
 
-from terrain_forge.base import ExportError, matrix_from_quaternion
+from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.geometry import rock_factors, skin
 from terrain_forge.geometry.rock_mesh import outline_error
@@ -602,3 +602,16 @@ def test_the_faces_within_craters_are_labelled(cratered):
             assert list(labels) == ["crater"]
         total += wanted.sum()
     assert total > 500
+
+
+def test_turns_too_small_for_single_precision_are_made(tmp_path):
+    """OpenUSD takes the angle from a quaternion's real part, which is 1 for them in floats."""
+    world = worlds.world()
+    (arc,) = world.trajectories
+    leaning = np.tile([2e-4, -3e-4, 1e-4], (len(arc.time), 1))
+    exported(world.replace(trajectories=(arc.replace(rpy=leaning),)), tmp_path)
+    stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    frame = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Paths/arc"))
+    found = np.array(frame.ComputeLocalToWorldTransform(Usd.TimeCode(3.0)))[:3, :3].T
+    wanted = matrix_from_quaternion(quaternion_from_rpy(leaning[0]))
+    assert np.abs(found - wanted).max() < 1e-7
