@@ -609,8 +609,8 @@ def test_turns_too_small_for_single_precision_are_made(tmp_path):
     world = worlds.world()
     (arc,) = world.trajectories
     leaning = np.tile([2e-4, -3e-4, 1e-4], (len(arc.time), 1))
-    exported(world.replace(trajectories=(arc.replace(rpy=leaning),)), tmp_path)
-    stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    out = exported(world.replace(trajectories=(arc.replace(rpy=leaning),)), tmp_path / "usd")
+    stage = Usd.Stage.Open(str(out / "scene.usda"))
     frame = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Paths/arc"))
     found = np.array(frame.ComputeLocalToWorldTransform(Usd.TimeCode(3.0)))[:3, :3].T
     wanted = matrix_from_quaternion(quaternion_from_rpy(leaning[0]))
