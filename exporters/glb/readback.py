@@ -42,6 +42,7 @@ def read_glb(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         ground=tuple(ground),
         seen=solids,
         rock_error=options.outline_error,
+        close=options.close_within_m > 0.0,
         tracks=tuple(_animations(path)),
         reasons={**reasons, "findings": "trimesh has no validator"},
     )

@@ -203,6 +203,7 @@ def read_sdf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         consumer=f"{world.consumer}, {engine}",
         tracks=scene.tracks,
         rock_error=options.outline_error,
+        close=options.close_within_m > 0.0,
         balls=balls,
         reasons={"balls": unlike, "findings": newer},
         findings=None if newer else findings,

@@ -52,6 +52,7 @@ def read_usd(sample: Sample, folder: Path, options: Any, scratch: Path) -> Readi
         touched=touched,
         seen=seen,
         rock_error=options.outline_error,
+        close=options.close_within_m > 0.0,
         gravity=_gravity(stage),
         bodies=_bodies(stage),
         tracks=tuple(_tracks(replay)) if replay else None,

@@ -11,8 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, matrix_from_quaternion
-from terrain_forge.geometry import inertias
-from terrain_forge.model import Check, Heightfield, Trajectory, at_most, failed, rotations
+from terrain_forge.geometry import inertias, outline_error
+from terrain_forge.model import (
+    Check,
+    Heightfield,
+    RockPrototype,
+    Trajectory,
+    at_most,
+    failed,
+    rotations,
+)
 from terrain_forge.paths import ANGLE_LIMIT, POSITION_LIMIT, Deviation
 from terrain_forge.validation.outlines import rock_errors
 from terrain_forge.validation.reading import Body, Reading, SolidsOfRocks, Track
@@ -165,16 +173,13 @@ def _rocks(sample: Sample, reading: Reading, entry: Entry, *, along: slice) -> E
         return None
     if not len(field):
         return replace(entry, status="not carried", note="there are no rocks")
-    levels = [
-        shape.outline_errors[min(reading.drawn_level, len(shape.outline_errors) - 1)]
-        for shape in sample.world.library.prototypes
-    ]
+    drawn = [_drawn_error(shape, reading) for shape in sample.world.library.prototypes]
     size = field.scale / field.diameter
     touched = np.maximum(ROCK_LIMIT, reading.rock_error * size)
-    seen = np.maximum(touched, ROCK_LIMIT + np.array(levels)[field.prototype] * size)
+    seen = np.maximum(touched, ROCK_LIMIT + np.array(drawn)[field.prototype] * size)
     looks: list[tuple[SolidsOfRocks | None, NDArray[np.bool_], Array]] = [
         (reading.touched, field.collides, touched),
-        (reading.seen, np.ones(len(field), np.bool_), seen if reading.drawn_level else touched),
+        (reading.seen, np.ones(len(field), np.bool_), seen),
     ]
     worst, limit = np.zeros(len(field)), touched
     for solids, counts, allowed in looks:
@@ -192,6 +197,14 @@ def _rocks(sample: Sample, reading: Reading, entry: Entry, *, along: slice) -> E
     )
     note = f"in diameters, worst of {len(field)} rocks as they are {kinds}"
     return _judged(entry, float(worst[first]), float(limit[first]), note=note)
+
+
+def _drawn_error(shape: RockPrototype, reading: Reading) -> float:
+    """How far the meshes that stand for a shape in pictures are off it, at most [mean axes]."""
+    coarse = shape.outline_errors[min(reading.drawn_level, len(shape.outline_errors) - 1)]
+    if not reading.close or shape.close is None:
+        return coarse
+    return max(coarse, outline_error(shape.close, shape.meshes[0]))
 
 
 def _masses(sample: Sample, reading: Reading, entry: Entry) -> Entry | None:

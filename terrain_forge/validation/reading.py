@@ -92,6 +92,8 @@ class Reading:
     """How far the export's options allow a rock's outline to be off, as a part of its size."""
     drawn_level: int = 0
     """Level of detail by which rocks are drawn, at the coarsest, whatever the options."""
+    close: bool = False
+    """Whether rocks may be drawn by the close meshes of their shapes."""
     gravity: float | None = None
     """Acceleration along z [m/s²]."""
     bodies: Mapping[int, Body] | None = None
