@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -37,6 +38,10 @@ _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
     *("matplotlib", "pillow", "pydantic"),
 )
+_OF_THE_MACHINE = frozenset(
+    {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EINTR}
+)
+"""Errors in reading that say nothing of the file that is read."""
 _READERS = 8
 """Files that are read at once."""
 _OWN = {NAME, "timings.json"}
@@ -292,6 +297,8 @@ def hash_found(path: Path) -> str:
     try:
         return sha256(path)
     except OSError as error:
+        if error.errno in _OF_THE_MACHINE:
+            raise
         return str(error)
 
 

@@ -14,6 +14,7 @@ from terrain_forge.making import plan
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import ExportOrder, load_recipe
+from terrain_forge.validation import probe
 from terrain_forge.validation.suite import conformance, quick_checks
 
 
@@ -34,7 +35,8 @@ CHOICES = [(kind, one) for kind in KINDS for one in choices(exporter(kind).Optio
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "choice"), CHOICES, ids=lambda one: str(one))
-def test_it_is_read_back(kind, choice, small_world, tmp_path):
+def test_it_is_read_back(kind, choice, small_world, tmp_path, monkeypatch):
+    monkeypatch.delenv(probe.VARIABLE, raising=False)  # Newton cuts hulls of these shapes down
     module = exporter(kind)
     try:
         options = module.Options(**choice)
