@@ -34,6 +34,7 @@ ROOMS = {
     "model": "Values that stages hand on",
     "base": "Errors and parts",
     "recording": "Recordings",
+    "report": "Evaluation of worlds",
     "evaluation": "Evaluation of localisation",
     "variation": "Many worlds",
     "learning": "Learning",

@@ -108,6 +108,8 @@ from .recipe import load_recipe as load_recipe
 from .recipe import save_recipe as save_recipe
 from .recording import find_instrument as find_instrument
 from .recording import open_setting as open_setting
+from .report import evaluate as evaluate
+from .report import evaluate_maps as evaluate_maps
 from .rocks import AroundCraters as AroundCraters
 from .rocks import Clustered as Clustered
 from .rocks import Counts as Counts

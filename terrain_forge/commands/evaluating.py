@@ -54,7 +54,12 @@ from terrain_forge.terminal import SCORING, Display, Number, Numbers
 )
 @SCORING
 @click.option("-o", "--out", type=click.Path(path_type=Path), help="Write JSON, CSV, LaTeX here.")
-@click.option("--force", is_flag=True, help="Write over such files that lie there.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Write over such files that lie there; drop earlier results of OUT that are of another "
+    "recording or were scored otherwise.",
+)
 def evaluate(
     paths: tuple[Path, ...],
     systems: str | None,
@@ -102,12 +107,15 @@ def evaluate(
     status = 0
     if systems or binaries or not maps:
         chosen = chosen_systems(systems, paths[0], binaries)
-        with Display(report.EVALUATE_STAGES) as display:
+        with Display(report.evaluate_stages(chosen, runs)) as display:
             results = report.evaluate(
-                paths[0], chosen, runs=runs, options=options, progress=display
+                paths[0], chosen, runs=runs, options=options, force=force, progress=display
             )
         status = tell_systems(paths[0], results, out=out)
     if maps:
-        scores = report.evaluate_maps(paths[0], maps, area=area, cell=cell)
+        with Display(report.MAP_STAGES) as display:
+            scores = report.evaluate_maps(
+                paths[0], maps, area=area, cell=cell, force=force, progress=display
+            )
         tell_maps(scores, out=out)
     return status

@@ -9,6 +9,7 @@ from .alignment import rigid_motion as rigid_motion
 from .bench import RESULTS as RESULTS
 from .bench import chosen_systems as chosen_systems
 from .bench import evaluate_recording as evaluate_recording
+from .bench import run_stages as run_stages
 from .bench import system_lines as system_lines
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
@@ -27,6 +28,7 @@ from .map_score import MapScore as MapScore
 from .map_score import SiteGrid as SiteGrid
 from .map_score import score_map as score_map
 from .map_score import site_grid as site_grid
+from .map_tables import kept_maps as kept_maps
 from .map_tables import map_rows as map_rows
 from .map_tables import score_maps as score_maps
 from .map_tables import write_maps as write_maps

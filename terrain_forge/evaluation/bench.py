@@ -6,7 +6,8 @@ import hashlib
 import logging
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from terrain_forge.base import (
     DataError,
     ExportError,
     OutputError,
+    Progress,
     RecipeError,
     StorageError,
+    silent,
     telling_interrupts,
 )
 from terrain_forge.datasets import INDEX, Recording, open_recording, write_dataset
@@ -28,10 +31,12 @@ from terrain_forge.evaluation.catalogue import (
     find_system,
     interpreter,
     known_systems,
+    require_distinct,
     require_ready,
     vocabulary_of,
     with_binaries,
 )
+from terrain_forge.evaluation.kept import kept_results
 from terrain_forge.evaluation.loops import LoopScore, score_loops
 from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
@@ -53,41 +58,71 @@ def evaluate_recording(
     *,
     runs: int = 1,
     options: ScoreOptions | None = None,
-    progress: Callable[[str], None] | None = None,
+    force: bool = False,
+    progress: Progress = silent,
 ) -> list[Result]:
     """Run systems over a recording, one after the other, and score them.
 
     What a system does wrong is a result, and the others go on. Trajectories and what the systems
-    printed are kept in the recording's folder `slam`, with the tables.
+    printed are kept in the recording's folder `slam`, with the tables, in which earlier results of
+    other systems and runs stay.
 
     Args:
         dataset: The recording's folder, or the world's.
         adapters: The systems.
         runs: How often each is run.
         options: What is free in the scores.
-        progress: Told of each run as it begins.
+        force: Whether earlier results go that are of another recording or were scored otherwise.
+        progress: Told of each run as it begins, and what is written for it.
+
+    Returns:
+        The new results.
 
     Raises:
-        DataError: if there is no recording, or it is broken.
+        DataError: if there is no recording, or it is broken; if two systems have one name.
+        OutputError: if earlier results would go.
         KeyboardInterrupt: with how far it came.
     """
-    recording = open_recording(dataset)
+    require_distinct(adapters)
+    recording, options = open_recording(dataset), options or ScoreOptions()
     results: list[Result] = []
     inputs: dict[str, Path] = {}
     folder = recording.folder / RESULTS
+    order = [(adapter, number) for adapter in adapters for number in range(1, runs + 1)]
+    kept = kept_results(
+        folder,
+        recording=_digest(recording),
+        options=options,
+        replaced={(adapter.name, number) for adapter, number in order},
+        force=force,
+    )
 
     def left() -> str:
         return f"{len(results)} of {len(adapters) * runs} runs are scored, in {folder}"
 
     with telling_interrupts(left):
-        for adapter in adapters:
-            for number in range(1, runs + 1):
-                if progress:
-                    progress(f"{adapter.name}{f' {number}' if runs > 1 else ''}")
-                results.append(_result(recording, adapter, number, inputs, options))
-                write_results(results, folder)  # an interrupt loses one run only
-                write_paper_table(recording, results, folder)
+        for (adapter, number), stage in zip(order, run_stages(adapters, runs), strict=True):
+            progress(stage, 0.0)
+            told = partial(_tell, progress, stage)
+            results.append(_result(recording, adapter, number, inputs, options, told))
+            write_results([*kept, *results], folder)  # an interrupt loses one run only
+            write_paper_table(recording, [*kept, *results], folder)
     return results
+
+
+def run_stages(adapters: Sequence[Adapter], runs: int = 1) -> list[str]:
+    """What `evaluate_recording` tells of as its stages, one for each run."""
+    numbers = [f" {number}" if runs > 1 else "" for number in range(1, runs + 1)]
+    return [f"run {adapter.name}{number}" for adapter in adapters for number in numbers]
+
+
+def _tell(progress: Progress, stage: str, busy: str, _: float) -> None:
+    progress(f"{stage}: {busy}", 0.0)
+
+
+def _digest(recording: Recording) -> str:
+    """Of the recording's index, which changes where it grows."""
+    return hashlib.sha256((recording.folder / INDEX).read_bytes()).hexdigest()[:_DIGITS]
 
 
 def _result(
@@ -95,12 +130,13 @@ def _result(
     adapter: Adapter,
     number: int,
     inputs: dict[str, Path],
-    options: ScoreOptions | None,
+    options: ScoreOptions,
+    progress: Progress,
 ) -> Result:
     keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
     (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
     try:
-        places = _places(recording, adapter, inputs)
+        places = _places(recording, adapter, inputs, progress)
         before = _state(recording.folder)
         run = run_system(adapter, places, keep=keep)
         changed = {name for name, *_ in before ^ _state(recording.folder)}
@@ -126,7 +162,7 @@ def _result(
             run = run.replace(status="lost", why=str(error))
     return Result(
         run=run, number=number, score=score, loops=closures, frame=adapter.frame,
-        world=recording.name,
+        world=recording.name, recording=_digest(recording),
     )  # fmt: skip
 
 
@@ -154,7 +190,9 @@ def _renew(inputs: dict[str, Path], folder: Path, changed: set[str]) -> None:
             del inputs[name]
 
 
-def _places(recording: Recording, adapter: Adapter, inputs: dict[str, Path]) -> dict[str, str]:
+def _places(
+    recording: Recording, adapter: Adapter, inputs: dict[str, Path], progress: Progress
+) -> dict[str, str]:
     """What stands in the command of a system that is ready to be run."""
     require_sensors(recording, adapter)
     if adapter.needs_binary:
@@ -162,8 +200,8 @@ def _places(recording: Recording, adapter: Adapter, inputs: dict[str, Path]) -> 
         raise DataError(f"{name} is a program of yours: --binary {name}=PATH")
     require_ready(adapter)
     places = {
-        "input": _input(recording, adapter.input, adapter.input_options, inputs),
-        "calibration": _input(recording, "calibration", {}, inputs),
+        "input": _input(recording, adapter.input, adapter.input_options, inputs, progress),
+        "calibration": _input(recording, "calibration", {}, inputs, progress),
         "recording": recording.folder.resolve(),
         "python": interpreter(adapter),
         "driver": DRIVERS,
@@ -254,7 +292,11 @@ def _stamped(told: Array, kind: str, truth: TimedPoses, name: str) -> Array:
 
 
 def _input(
-    recording: Recording, kind: str, options: Mapping[str, Any], inputs: dict[str, Path]
+    recording: Recording,
+    kind: str,
+    options: Mapping[str, Any],
+    inputs: dict[str, Path],
+    progress: Progress,
 ) -> Path:
     """The recording in a format; what is not there yet is written beside it."""
     if kind == "euroc":
@@ -264,15 +306,14 @@ def _input(
     name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
     if name not in inputs:
         every = recording.folder.resolve() / _INPUTS
-        of = hashlib.sha256((recording.folder / INDEX).read_bytes()).hexdigest()[:_DIGITS]
-        folder = every / of / name
+        folder = every / _digest(recording) / name
         if not folder.is_dir():
             for older in every.glob("[0-9a-f]" * _DIGITS):  # of the recording before it grew
                 if older != folder.parent:
                     shutil.rmtree(older, ignore_errors=True)
             folder.parent.mkdir(parents=True, exist_ok=True)
             try:
-                write_dataset(recording, kind, folder, options)
+                write_dataset(recording, kind, folder, options, progress=progress)
             except StorageError as error:
                 raise DataError(str(error)) from None
         inputs[name] = folder

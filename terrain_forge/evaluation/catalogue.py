@@ -65,8 +65,10 @@ def with_binaries(adapters: Sequence[Adapter], told: Sequence[str]) -> list[Adap
     """The systems, with the programs of the user that `NAME=PATH` tells; what is new comes last.
 
     Raises:
-        DataError: for what is no such pair, or names a system that runs no program of a user.
+        DataError: for what is no such pair, or names a system that runs no program of a user; for
+            two systems of one name.
     """
+    require_distinct(adapters)
     found = {one.name: one for one in adapters}
     for pair in told:
         name, equals, path = pair.partition("=")
@@ -79,6 +81,19 @@ def with_binaries(adapters: Sequence[Adapter], told: Sequence[str]) -> list[Adap
         binary = str(place.absolute()) if place.exists() else path
         found[adapter.name] = replace(adapter, binary=binary)
     return list(found.values())
+
+
+def require_distinct(adapters: Sequence[Adapter]) -> None:
+    """Refuse systems of one name, whose results would overwrite each other.
+
+    Raises:
+        DataError: says which.
+    """
+    names = [one.name for one in adapters]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise DataError(
+            f"system {twice!r} is there twice: name it once, or give one of two files a `name`"
+        )
 
 
 def read_system(path: Path) -> Adapter:

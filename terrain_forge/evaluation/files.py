@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from terrain_forge.base import DataError, complaint
@@ -29,18 +29,37 @@ def score_files(
         The scores, and for each file that could not be scored its name and why.
 
     Raises:
-        DataError: if the truth cannot be read.
+        DataError: if the truth cannot be read, or a file is given twice.
     """
-    true = read_poses(truth)
+    true, named = read_poses(truth), _named(tuple(estimates))
     scores: list[Score] = []
     failures: list[tuple[str, str]] = []
-    for path in estimates:
+    for name, path in named.items():
         try:
-            told = read_kitti_poses(path, stamps=stamps) if stamps else read_poses(path)
+            if stamps:
+                told = read_kitti_poses(path, name=name, stamps=stamps)
+            else:
+                told = read_poses(path, name=name)
             scores.append(score_poses(true, told, options))
         except DataError as error:
-            failures.append((path.stem, str(error)))
+            failures.append((name, str(error)))
     return scores, failures
+
+
+def _named(paths: Sequence[Path]) -> dict[str, Path]:
+    """Files by what tables call them: their stems, or all of the path where stems are alike.
+
+    Raises:
+        DataError: for a file that is given twice.
+    """
+    stems = [path.stem for path in paths]
+    named: dict[str, Path] = {}
+    for path in paths:
+        name = path.stem if stems.count(path.stem) == 1 else str(path)
+        if name in named:
+            raise DataError(f"--estimate {path}: is given twice")
+        named[name] = path
+    return named
 
 
 def read_options(changes: Iterable[str]) -> ScoreOptions:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError
+from terrain_forge.base import Array, DataError, Progress, silent
 from terrain_forge.evaluation.map_files import MapPoints
 from terrain_forge.evaluation.score import Spread, spread
 from terrain_forge.model import World
@@ -50,6 +50,10 @@ class MapScore:
 
     name: str
     """The map's."""
+    area: Area
+    """West, south, east, north of what was scored [m]."""
+    cell: float
+    """Size of a cell [m]."""
     points: int
     """Its points within the area."""
     outside: int
@@ -83,13 +87,16 @@ class MapScore:
         return POINTS * self.right, POINTS * (self.f1 or 0.0)
 
 
-def site_grid(world: World, *, area: Area | None = None, cell: float = CELL) -> SiteGrid:
+def site_grid(
+    world: World, *, area: Area | None = None, cell: float = CELL, progress: Progress = silent
+) -> SiteGrid:
     """The true heights and rock flags of a grid.
 
     Args:
         world: The world.
         area: West, south, east, north [m]; the whole site by default.
         cell: Size of a cell [m].
+        progress: Told of the share that is done.
 
     Raises:
         DataError: for an area that is empty, or not within the site.
@@ -116,6 +123,7 @@ def site_grid(world: World, *, area: Area | None = None, cell: float = CELL) -> 
     top = float(world.ground.elevation.max()) + 100.0
     with open_scene(world) as scene:
         for row in range(rows):
+            progress("site", row / rows)
             y = south + cell * (row + within)
             places = np.stack(np.broadcast_arrays(x, y[:, None], top), axis=-1).reshape(-1, 3)
             hits = scene.cast(places, (0.0, 0.0, -1.0), coherent=True)
@@ -160,6 +168,8 @@ def score_map(world: World, found: MapPoints, grid: SiteGrid | None = None) -> M
         flags = _judged(votes > 0.5 * count, grid.rock.ravel())
     return MapScore(
         name=found.name,
+        area=grid.area,
+        cell=grid.cell,
         points=len(places),
         outside=int((~inside).sum()),
         bias=float(off.mean()) if len(off) else None,

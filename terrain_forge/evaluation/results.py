@@ -43,6 +43,8 @@ class Result(Record):
     """Whose motion was compared."""
     world: str
     """The world that was recorded."""
+    recording: str = ""
+    """Digest of the recording's index, which changes where it grows."""
 
 
 def result_plain(result: Result) -> dict[str, Any]:
@@ -52,6 +54,7 @@ def result_plain(result: Result) -> dict[str, Any]:
     return {
         "system": run.system,
         "world": result.world,
+        "recording": result.recording,
         "run": result.number,
         "status": run.status,
         "why": run.why,

@@ -10,9 +10,10 @@ from .blocks import paragraph as paragraph
 from .blocks import photograph as photograph
 from .blocks import plot as plot
 from .blocks import table as table
-from .evaluated import EVALUATE_STAGES as EVALUATE_STAGES
+from .evaluated import MAP_STAGES as MAP_STAGES
 from .evaluated import evaluate as evaluate
 from .evaluated import evaluate_maps as evaluate_maps
+from .evaluated import evaluate_stages as evaluate_stages
 from .page import section_types as section_types
 from .page import write_page as write_page
 from .page import write_report_page as write_report_page

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from terrain_forge.base import resolved
+from terrain_forge.base import Progress, resolved, silent
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -13,6 +13,8 @@ from terrain_forge.evaluation import (
     Result,
     ScoreOptions,
     evaluate_recording,
+    kept_maps,
+    run_stages,
     score_maps,
     write_maps,
 )
@@ -20,8 +22,14 @@ from terrain_forge.model import World
 from terrain_forge.recording import dataset_folder
 from terrain_forge.report.renewal import renew_report_page
 
-EVALUATE_STAGES = ("systems", "report page")
-"""Stages of an evaluation."""
+
+def evaluate_stages(systems: Sequence[Adapter], runs: int = 1) -> list[str]:
+    """Stages of an evaluation."""
+    return ["load", *run_stages(systems, runs), "report page"]
+
+
+MAP_STAGES = ("load", "maps", "site", "report page")
+"""Stages of an evaluation of maps."""
 
 
 def evaluate(
@@ -30,7 +38,8 @@ def evaluate(
     *,
     runs: int = 1,
     options: ScoreOptions | None = None,
-    progress: Callable[[str], None] | None = None,
+    force: bool = False,
+    progress: Progress = silent,
 ) -> list[Result]:
     """Run systems over the recording of a built world, and show on its page how well they did.
 
@@ -39,21 +48,20 @@ def evaluate(
         systems: The systems.
         runs: How often each is run.
         options: What is free in the scores.
-        progress: Told of each run as it begins.
+        force: Whether earlier results go that are of another recording or were scored otherwise.
+        progress: Called with each stage as it begins.
 
     Raises:
         DataError: if there is no recording, or it is broken.
+        OutputError: if earlier results would go.
     """
     out = resolved(out)
-
-    def told(name: str) -> None:
-        if progress:
-            progress(f"systems: {name}")
-
-    results = evaluate_recording(out, systems, runs=runs, options=options, progress=told)
+    progress("load", 0.0)
+    results = evaluate_recording(
+        out, systems, runs=runs, options=options, force=force, progress=progress
+    )
     if (out / "world").is_dir() and dataset_folder(out).is_dir():
-        if progress:
-            progress("report page")
+        progress("report page", 0.0)
         renew_report_page(World.load(out), out)
     return results
 
@@ -64,23 +72,34 @@ def evaluate_maps(
     *,
     area: tuple[float, float, float, float] | None = None,
     cell: float = 0.15,
+    force: bool = False,
+    progress: Progress = silent,
 ) -> list[MapScore]:
     """Score maps against a built world; where it was recorded, the table lies with its results.
+
+    Scores of other maps, areas and cells stay in that table.
 
     Args:
         out: The built folder.
         maps: `FILE` in the world's frame, or `SYSTEM=FILE` in that of a system evaluated there.
         area: West, south, east, north of what is scored [m]; the whole site by default.
         cell: Size of a cell [m].
+        force: Whether a table there that cannot be read goes.
+        progress: Called with each stage as it begins.
 
     Raises:
         DataError: for a map that cannot be read, or an area outside.
-        OutputError: if the folder holds no world.
+        OutputError: if the folder holds no world, or the table there cannot be read.
     """
     out = resolved(out)
+    progress("load", 0.0)
     world, folder = World.load(out), dataset_folder(out)
-    scores = score_maps(world, maps, evaluated=folder / RESULTS, area=area, cell=cell)
+    scores = score_maps(
+        world, maps, evaluated=folder / RESULTS, area=area, cell=cell, progress=progress
+    )
     if folder.is_dir():
-        write_maps(scores, folder / RESULTS)
+        kept = kept_maps(folder / RESULTS, scores, force=force)
+        write_maps([*kept, *scores], folder / RESULTS)
+        progress("report page", 0.0)
         renew_report_page(world, out)
     return scores

@@ -80,12 +80,19 @@ def carry_out(job: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             [adapter_of(plain) for plain in job["systems"]],
             runs=job["runs"],
             options=ScoreOptions(**job["score"]),
-            progress=lambda name: print(name, flush=True),  # noqa: T201 (into the cell's log)
+            force=True,
+            progress=_log,
         )
     except TerrainForgeError as error:
         return {"status": "failed", "why": str(error), "results": []}
     _keep(recorded.folder / KEPT, folder / KEPT)
     return {"status": "done", "why": "", "results": [result_plain(one) for one in results]}
+
+
+def _log(stage: str, share: float) -> None:
+    """Say what begins, into the cell's log."""
+    if not share:
+        print(stage, flush=True)  # noqa: T201
 
 
 def _keep(source: Path, target: Path) -> None:

@@ -11,7 +11,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, OutputError
 from terrain_forge.datasets import open_recording
 from terrain_forge.evaluation import (
     ScoreOptions,
@@ -163,8 +163,8 @@ def test_runs_have_a_spread(dataset, system):
 
 
 def test_an_interrupt_tells_what_is_scored(dataset, system):
-    def interrupt(name):
-        if name == "noisy 2":
+    def interrupt(stage, _):
+        if stage == "run noisy 2":
             raise KeyboardInterrupt
 
     adapter = find_system(system("noisy", _NOISY))
@@ -194,9 +194,36 @@ def test_inputs_are_made_anew_where_a_system_spoiled_them_or_the_recording_grew(
     assert not list(of.rglob("notes.txt"))
     index = dataset / "dataset.json"
     index.write_text(index.read_text() + "\n")  # as where it grew
-    (one,) = evaluate_recording(dataset, chosen_systems(names[1], dataset))
+    chosen = chosen_systems(names[1], dataset)
+    with pytest.raises(OutputError, match="has results of spoiling, of another recording"):
+        evaluate_recording(dataset, chosen)
+    (one,) = evaluate_recording(dataset, chosen, force=True)
     assert one.score is not None
     assert not of.exists()
+    assert _rows(dataset) == [("kitti", 1)]
+
+
+def _rows(dataset):
+    rows = json.loads((dataset / "slam" / "evaluation.json").read_text())
+    return [(row["system"], row["run"]) for row in rows]
+
+
+def test_results_of_other_systems_and_runs_stay(dataset, system):
+    noisy, kitti = (
+        find_system(system("noisy", _NOISY)),
+        find_system(system("kitti", _KITTI, input="kitti", format="kitti")),
+    )
+    evaluate_recording(dataset, [noisy], runs=2)
+    before = json.loads((dataset / "slam" / "evaluation.json").read_text())
+    evaluate_recording(dataset, [kitti])
+    evaluate_recording(dataset, [noisy])
+    assert sorted(_rows(dataset)) == [("kitti", 1), ("noisy", 1), ("noisy", 2)]
+    after = json.loads((dataset / "slam" / "evaluation.json").read_text())
+    assert before[1] in after
+    with pytest.raises(OutputError, match="otherwise scored: evaluate these too, or drop them"):
+        evaluate_recording(dataset, [kitti], options=ScoreOptions(scale=True))
+    with pytest.raises(DataError, match="'noisy' is there twice"):
+        evaluate_recording(dataset, [noisy, noisy])
 
 
 def test_a_binary_is_named_by_its_path(dataset, tmp_path):

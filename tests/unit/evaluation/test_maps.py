@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -9,9 +10,9 @@ import pytest
 import rasterio
 from scipy.spatial.transform import Rotation
 
-from terrain_forge.base import DataError
+from terrain_forge.base import DataError, OutputError
 from terrain_forge.evaluation import MapPoints, map_rows, read_map, score_map, site_grid
-from terrain_forge.evaluation.map_tables import score_maps
+from terrain_forge.evaluation.map_tables import kept_maps, score_maps, write_maps
 from tests.helpers import worlds
 from tests.helpers.command_line import run
 
@@ -208,6 +209,19 @@ def test_the_command_scores_maps_of_a_built_world(world, grid, tmp_path):
     assert not (tmp_path / "out/dataset").exists()
     done = run("evaluate", tmp_path / "out", "--map", tmp_path / "whole.npy", "--area=1,2")
     assert (done.returncode, "must be 4 numbers" in done.stderr) == (2, True)
+
+
+def test_scores_of_other_maps_areas_and_cells_stay(world, grid, tmp_path):
+    whole = _whole(grid)
+    one, other = (score_map(world, dataclasses.replace(whole, name=n), grid) for n in "ab")
+    assert write_maps([one, other], tmp_path)
+    assert [kept.name for kept in kept_maps(tmp_path, [one])] == ["b"]
+    finer = dataclasses.replace(one, cell=0.5 * one.cell)
+    assert [kept.name for kept in kept_maps(tmp_path, [finer])] == ["a", "b"]
+    (tmp_path / "maps.json").write_text("mine")
+    with pytest.raises(OutputError, match="--force begins it anew"):
+        kept_maps(tmp_path, [one])
+    assert kept_maps(tmp_path, [one], force=True) == []
 
 
 def test_the_command_scores_poses_of_kittis_format_with_stamps(tmp_path):

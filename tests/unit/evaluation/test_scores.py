@@ -20,6 +20,7 @@ from terrain_forge.evaluation import (
     read_poses,
     score_poses,
 )
+from terrain_forge.evaluation.files import score_files
 from terrain_forge.evaluation.results import Result, result_lines, result_rows
 from tests.helpers.command_line import run
 
@@ -255,6 +256,17 @@ def test_the_command_scores_files_and_goes_on_after_a_wrong_one(tmp_path):
     assert told["failed"][0]["trajectory"] == "bad"
     assert (out / "evaluation.csv").read_text().count("\n") == 3
     assert r"big & 100 &" in (out / "evaluation.tex").read_text()
+
+
+def test_files_of_one_name_are_told_apart_by_their_paths(tmp_path):
+    truth = _circle()
+    (tmp_path / "a").mkdir()
+    paths = [_write_tum(tmp_path / name, truth) for name in ("mine.tum", "a/mine.tum", "other.tum")]
+    scores, failures = score_files(tmp_path / "mine.tum", paths)
+    assert [one.name for one in scores] == [str(paths[0]), str(paths[1]), "other"]
+    assert failures == []
+    with pytest.raises(DataError, match=r"--estimate .*other\.tum: is given twice"):
+        score_files(tmp_path / "mine.tum", [paths[2], paths[2]])
 
 
 def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
