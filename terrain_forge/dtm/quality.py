@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ _SEAM_COHERENCE = 0.75  # of the steps along a seam go the same way
 _STRIPED = 0.4  # rank correlation of the steps in parts of a DTM that do not touch
 _SMOOTH = 0.5  # correlation of the steps before neighbouring columns
 _FEWEST_LINES, _FEWEST_LONG = 48, 64
+_STRIP = 256  # rows that are looked at between samples at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,10 +118,11 @@ def _stripes(excess: Array, known: Mask) -> float:
     return float(np.sqrt(max((mean[0] * mean[2]).mean(), 0.0)))
 
 
-def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[int, int, int]:
+def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[int, float, float]:
     """Width [samples] of the widest hole of a site, and row and column of its middle.
 
-    It is the diameter of the largest circle around a sample of the site that reaches no valid one.
+    It is the number of samples across the largest circle that holds no valid one and whose middle,
+    a sample or half way between two, lies on the site.
 
     Args:
         valid: samples that are no holes, of the site and around it.
@@ -127,10 +130,24 @@ def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[
     """
     from scipy.ndimage import distance_transform_edt
 
-    distance = distance_transform_edt(~valid)[inside]
-    n, m = np.unravel_index(int(np.argmax(distance)), distance.shape)
-    width = int(np.ceil(2.0 * distance[n, m] - 1.0))
-    return width, int(inside[0].ravel()[n]), int(inside[1].ravel()[m])
+    away = distance_transform_edt(~valid)
+    reach, (rows, columns) = math.ceil(away[inside].max()) + 1, (axis.ravel() for axis in inside)
+    found, first, last = (0.0, 0.0, 0.0), int(rows.min()), int(rows.max())
+    for row in range(first, last + 1, _STRIP):
+        end = min(row + _STRIP, last + 1)
+        if away[row:end, columns].max() <= reach - 3.0:
+            continue
+        low = max(row - reach, 0)
+        part = valid[low : end + reach]
+        known = np.zeros((2 * part.shape[0] - 1, 2 * part.shape[1] - 1), np.bool_)
+        known[::2, ::2] = part  # and what lies half way between
+        halves = distance_transform_edt(~known)
+        halves = halves[2 * (row - low) : 2 * (min(end, last) - low) + 1]
+        halves = halves[:, 2 * columns.min() : 2 * columns.max() + 1]
+        n, m = np.unravel_index(int(np.argmax(halves)), halves.shape)
+        place = row + 0.5 * float(n), float(columns.min()) + 0.5 * float(m)
+        found = max(found, (float(halves[n, m]), *place), key=lambda one: one[0])
+    return math.floor(found[0] - 1.0), found[1], found[2]
 
 
 def fill_holes(heights: Array, valid: Mask) -> Array:

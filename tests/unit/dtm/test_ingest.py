@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 
 from terrain_forge.base import DataError
 from terrain_forge.dtm import site_facts
-from terrain_forge.dtm.quality import assess, destair, planar_posts
+from terrain_forge.dtm.quality import assess, destair, farthest_filled, planar_posts
 from terrain_forge.dtm.spec import Centre
 from terrain_forge.model import MARS, MOON
 from tests.helpers.places import DATA
@@ -151,14 +151,24 @@ def test_wide_hole_is_an_error_that_says_where(tmp_path):
     heights = rough().astype("float32")
     heights[140:160, 220:240] = np.nan
     write_raster(tmp_path, heights)
-    with pytest.raises(DataError, match=r"19 m \(19 samples\) wide around 29 m east, 0 m nor"):
+    with pytest.raises(DataError, match=r"20 m \(20 samples\) wide around 30 m east, 0 m nor"):
         plan(tmp_path)
-    site, ground = plan(tmp_path, replace(SPEC, fill_holes_m=25.0))
-    assert "400 samples in holes up to 19 m" in site.dtm.repairs[0]
+    site, ground = plan(tmp_path, replace(SPEC, fill_holes_m=20.0))
+    assert "400 samples in holes up to 20 m" in site.dtm.repairs[0]
     assert "inverse-distance" in site.dtm.repairs[0]
     assert np.isfinite(ground.elevation).all()
     with pytest.raises(DataError, match="holes of up to 0 m are filled"):
         plan(tmp_path, replace(SPEC, fill_holes_m=0.0))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4, 7, 12])
+def test_widths_of_holes_are_counted_in_samples(width):
+    valid = np.ones((60, 80), np.bool_)
+    valid[20 : 20 + width, 10:60] = False
+    samples, row, column = farthest_filled(valid, np.ix_(np.arange(2, 50), np.arange(4, 70)))
+    assert samples == width
+    assert row == 20 + 0.5 * (width - 1)
+    assert 10 <= column <= 59
 
 
 def test_hole_beside_the_site_is_no_error(tmp_path):
