@@ -185,8 +185,8 @@ def _require_filled(
         east, north = patch_points(patch, crs, np.array([column]), np.array([row]))
         raise DataError(
             f"{spec.name} has a hole about {width:.3g} m ({samples} samples) wide around "
-            f"{round(east[0])} m east, {round(north[0])} m north of the site's centre; holes of up to "
-            f"{allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
+            f"{round(east[0])} m east, {round(north[0])} m north of the site's centre; holes of up "
+            f"to {allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
             key=("dtm", "fill_holes_m"),
         )
     filled = int((~valid[inside]).sum())
