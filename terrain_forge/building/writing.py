@@ -24,7 +24,7 @@ class BuildResult:
     passed: bool
     """Whether every validation check passed."""
     removed: tuple[str, ...] = ()
-    """Files of others that lay in the older world and went with it."""
+    """Files of others that lay in the older world and went with it, a recording as one of them."""
     exports: tuple[Export, ...]
     """What was exported: folder, exporter, options, and what the export cannot say."""
 
