@@ -12,6 +12,7 @@ from terrain_forge.dtm.projection import ellipsoid, geographic_crs, scale_error,
 from terrain_forge.dtm.quality import assess
 from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.roughness import COARSE_POSTING
+from terrain_forge.dtm.vertical import FELT
 from terrain_forge.model import Body, Site
 
 _MOST_SAMPLES = 2**24
@@ -268,7 +269,7 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         )
     quantum = raster.quantum
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
-    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
+    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= FELT)
     if quantum and stairs and raster.vertical.known and not coarse:
         found.append(
             f"{dtype}: heights come in stairs of {_metres(quantum)}, which a wheel feels; "

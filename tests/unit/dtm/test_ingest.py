@@ -226,6 +226,17 @@ def test_floats_that_were_rounded_are_told_and_smoothed(tmp_path, step, datum):
     assert "stairs" not in words(tmp_path)
 
 
+def test_radii_in_single_precision_come_in_stairs(tmp_path):
+    radii = 1737400.0 + rough()
+    grid = Affine(1.0, 0.0, -200.0, 0.0, -1.0, 150.0)
+    write_raster(tmp_path, radii.astype("float32"), crs=MOON_EQC, transform=grid)
+    assert "float32: heights come in stairs of 12 cm" in words(tmp_path, body=MOON)
+    site, _ = plan(tmp_path, replace(SPEC, destair=True), body=MOON)
+    assert any("stairs of 0.125 m" in note for note in site.dtm.repairs)
+    write_raster(tmp_path, radii, crs=MOON_EQC, transform=grid)
+    assert "stairs" not in words(tmp_path, body=MOON)
+
+
 def test_facets_are_found(tmp_path):
     heights = rough()
     heights[100:200, 150:250] = 0.05 * np.arange(100)[:, None] + 0.02 * np.arange(100)[None, :]
