@@ -258,6 +258,19 @@ def test_seams_are_found():
     assert found[0][2] == pytest.approx(0.4, rel=0.1)
 
 
+@pytest.mark.parametrize("height", [20.0, -1000.0])
+def test_spikes_are_no_seams(tmp_path, height):
+    heights = fractal()
+    write_raster(tmp_path, heights.astype("float32"))
+    assert "spike" not in words(tmp_path)
+    heights[70, 100], heights[20, 50] = height, 0.9 * height
+    assert assess(heights, np.ones(heights.shape, bool), quantum=None).seams == ()
+    write_raster(tmp_path, heights.astype("float32"))
+    told = words(tmp_path)
+    assert "above or below all around it: a spike" in told
+    assert "seams" not in told
+
+
 def fractal(shape=(200, 240), seed=3):
     """Ground that is as rough in each direction [m]."""
     waves = np.hypot(*np.meshgrid(np.fft.rfftfreq(shape[1]), np.fft.fftfreq(shape[0])))
