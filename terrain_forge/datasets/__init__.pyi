@@ -3,6 +3,8 @@
 from .calibration import calibration_files as calibration_files
 from .clouds import LidarMotion as LidarMotion
 from .clouds import on_rover as on_rover
+from .pictures import grey as grey
+from .pictures import picture_of as picture_of
 from .pictures import rectified_pair as rectified_pair
 from .pictures import straight_stream as straight_stream
 from .poses import Poses as Poses

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ _BLOCK = 8192
 """Rows of a table that are read at a time."""
 _LARGEST = 2**31
 """Bytes that a sweep may have."""
+_QUIET = Lock()
+"""Held while warnings are silenced, which is for all threads at once."""
 POINT_FIELDS = ("x", "y", "z", "intensity", "ring", "time", "instance")
 
 
@@ -170,6 +174,19 @@ def _bits(path: Path) -> int:
         return file.read(25)[24]
 
 
+def _deep_colours(path: Path) -> NDArray[np.uint16]:
+    """A PNG with colours of 16 bits, of which Pillow would keep 8."""
+    from rasterio.errors import NotGeoreferencedWarning
+    from rasterio.io import MemoryFile
+
+    with MemoryFile(path.read_bytes()) as memory:
+        with _QUIET, warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            dataset = memory.open(driver="PNG")
+        with dataset:
+            return np.ascontiguousarray(np.moveaxis(dataset.read(), 0, -1))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedCamera(RecordedSensor):
     """A camera's pictures and calibration, in OpenCV's convention: a first pixel's centre is 0."""
@@ -246,11 +263,11 @@ class RecordedCamera(RecordedSensor):
         with reading(where), Image.open(path, formats=("PNG",)) as picture:
             if picture.size != self.size:
                 raise DataError(f"{where} has {picture.size} pixels, {self.key} has {self.size}")
-            if picture.mode in ("RGB", "RGBA") and _bits(path) > 8:
-                raise DataError(f"{where} has colours of 16 bits, which are not read")
             others = self._modes.setdefault(channel, picture.mode)
             if picture.mode != others:
                 raise DataError(f"{where} is of mode {picture.mode}, others beside it {others}")
+            if picture.mode in ("RGB", "RGBA") and _bits(path) > 8:
+                return _deep_colours(path)
             return np.asarray(picture)
 
 

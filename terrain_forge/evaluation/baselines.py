@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, ExportError, matrix_from_quaternion, portable
-from terrain_forge.datasets import Recording, open_recording, rectified_pair, straight_stream
+from terrain_forge.datasets import (
+    Recording,
+    grey,
+    open_recording,
+    picture_of,
+    rectified_pair,
+    straight_stream,
+)
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.visual_odometry import stereo_odometry
 
@@ -27,18 +34,10 @@ def stereo(recording: Recording) -> TimedPoses:
 
     def images() -> Iterator[tuple[float, NDArray[np.uint8], NDArray[np.uint8]]]:
         for number, stamp in enumerate(left.stamps.tolist()):
-            yield (
-                stamp / 1e9,
-                _grey(left.image(number, stream)),
-                _grey(right.image(number, stream)),
-            )
+            one, other = (grey(picture_of(camera, number, stream)) for camera in (left, right))
+            yield stamp / 1e9, one, other
 
     return stereo_odometry(images(), focal=focal, centre=(column, row), baseline=pair.baseline)
-
-
-def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    grey = image if image.ndim == 2 else image.mean(axis=2)
-    return np.asarray(grey if grey.dtype == np.uint8 else grey / 257.0, np.uint8)
 
 
 def wheels(recording: Recording) -> TimedPoses:

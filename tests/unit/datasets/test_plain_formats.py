@@ -11,6 +11,7 @@ from PIL import Image
 
 from terrain_forge.base import ExportError
 from terrain_forge.datasets import dataset_kind, open_recording, write_dataset
+from terrain_forge.writers import write_png
 from tests.helpers.recordings import (
     BASELINE,
     EPOCH,
@@ -235,3 +236,23 @@ def test_colours_and_more_bits(tmp_path):
     np.testing.assert_array_equal(np.asarray(Image.open(place / "image_2" / "000000.png")), rgb)
     found = np.asarray(Image.open(place / "image_1" / "000000.png"))
     np.testing.assert_array_equal(found, grey // 16)
+
+
+def test_colours_of_more_bits_come_as_the_upper_8(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    values = np.arange(48 * 64).reshape(48, 64, 1) % 4096
+    deep = np.concatenate([values, values // 2, 4095 - values], axis=-1).astype(np.uint16)
+    for key in ("cam0", "cam1"):
+        write_png(folder / f"mav0/{key}/data/{EPOCH}.png", deep)
+    index = folder / "dataset.json"
+    index.write_text(index.read_text().replace('"data": {}', '"data": {"bits": 12}'))
+    np.testing.assert_array_equal(open_recording(folder).cameras[0].image(0), deep)
+    for kind, name in {
+        "kitti": "sequences/00/image_2/000000.png",
+        "tum": "rgb/1600000000.000000000.png",
+        "lusnar": f"image1/RGB/{EPOCH}.png",
+    }.items():
+        report = write_dataset(folder, kind, tmp_path / kind)
+        np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / kind / name)), deep // 16)
+        assert "only the 8 upper bits" in " ".join(report.losses)
+    assert open_recording(folder).cameras[0].image(0).dtype == np.uint16

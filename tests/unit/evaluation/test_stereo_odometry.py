@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import DataError
-from terrain_forge.evaluation import score_poses, stereo_odometry
+from terrain_forge.datasets import open_recording
+from terrain_forge.evaluation import baselines, score_poses, stereo_odometry
 from terrain_forge.evaluation.poses import TimedPoses
+from terrain_forge.writers import write_png
+from tests.helpers.recordings import EPOCH, write_recording
 
 cv2 = pytest.importorskip("cv2", reason="OpenCV is not installed")
 
@@ -76,3 +79,16 @@ def test_it_finds_the_motion():
 def test_swapped_eyes_give_nothing():
     with pytest.raises(DataError, match="found no motion"):
         _told(order=-1, count=8)
+
+
+def test_pictures_of_more_bits_come_as_their_upper_8(tmp_path, monkeypatch):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    deep = (np.arange(48 * 64).reshape(48, 64) % 4096).astype(np.uint16)
+    for key in ("cam0", "cam1"):
+        write_png(folder / f"mav0/{key}/data/{EPOCH}.png", deep)
+    index = folder / "dataset.json"
+    index.write_text(index.read_text().replace('"data": {}', '"data": {"bits": 12}'))
+    monkeypatch.setattr(baselines, "stereo_odometry", lambda images, **_: list(images))
+    ((_, left, right),) = baselines.stereo(open_recording(folder))
+    np.testing.assert_array_equal(left, deep // 16)
+    np.testing.assert_array_equal(right, deep // 16)

@@ -5,6 +5,8 @@ import pytest
 from terrain_forge.base import RecipeError
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
+from terrain_forge.rovers import built_in_rovers, find_rover
+from terrain_forge.sensors import require_free
 
 RECIPE = """schema: 1
 name: early
@@ -56,3 +58,12 @@ def test_a_rate_far_above_what_a_path_holds_is_warned_of(told, was, now, warned)
         "warning      imu: 9999 Hz, the motion along a path of rate_hz 10 holds nothing above 5 Hz"
     )
     assert (text in lines) == ("warning  " in lines) == warned
+
+
+@pytest.mark.parametrize("tilt", [-90, -45, 12, 30, 90])
+@pytest.mark.parametrize("model", ["simplified", "detailed"])
+@pytest.mark.parametrize("name", built_in_rovers())
+def test_a_built_in_rover_sees_with_its_own_rig(name, model, tilt):
+    rover = find_rover(name, model=model, dimensions={"camera_tilt_deg": tilt})
+    for sensor in rover.sensors:
+        require_free(sensor, rover)
