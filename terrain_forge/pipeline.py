@@ -132,7 +132,8 @@ def build(
             require_scheduler(scheduler)
         elif exchange is not None:
             raise OutputError("--exchange is for the workers of a --scheduler")
-        removed = () if tiling.is_site(out) else building.require_ours(out, force=force)
+        lost = () if tiling.is_site(out) else building.require_ours(out, force=force)
+        removed = building.told_files(out, lost)
         orders = building.chosen_exports(recipe, only)
         draft = making.draft(recipe, folder=folder)
         recording.require_recordable(recipe, draft.rover)
@@ -188,7 +189,7 @@ def write_world(
     out, recipe = resolved(out), world.site.recipe
     building.require_folder(out)
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
-    removed = building.require_ours(out, force=force)
+    removed = building.told_files(out, building.require_ours(out, force=force))
     with (
         watched(progress, STAGES[len(MAKING) :]) as watch,
         building.replacing(out, force=force) as directory,

@@ -18,6 +18,7 @@ from terrain_forge.base.kernels import kernel
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX_2 = np.uint64(0x94D049BB133111EB)
+_MEAN_AT_ONCE = 512.0
 
 
 def stage_key(root: int, stage: str) -> np.uint64:
@@ -92,6 +93,17 @@ def normals(key, count):  # type: ignore[no-untyped-def]
 
 @kernel
 def poisson(hashed, mean):  # type: ignore[no-untyped-def]
+    """A Poisson count; above `_MEAN_AT_ONCE` the sum of several, each hashed by its number."""
+    if mean <= _MEAN_AT_ONCE:
+        return _poisson(hashed, mean)
+    parts, count = int(np.ceil(mean / _MEAN_AT_ONCE)), 0
+    for part in range(parts):
+        count += _poisson(mix(hashed, part), mean / parts)
+    return count
+
+
+@kernel
+def _poisson(hashed, mean):  # type: ignore[no-untyped-def]
     """A Poisson count by inversion of one uniform; `mean` up to 600, where exp underflows."""
     u = uniform(hashed)
     probability = np.exp(-mean)

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError, StorageError, resolved
+from terrain_forge.base import DataError, OutputError, StorageError, read_lines, resolved
 from terrain_forge.building.manifest import (
     ASSESSED,
     NAME,
@@ -28,6 +28,10 @@ _NAMED = 5
 """Files that a message names."""
 _RECORDING, _INDEX = "dataset/", "dataset/dataset.json"
 """Where the recording of a world lies, and what tells that it is one."""
+_WRITTEN = "written.csv"
+"""Where it lists its files, each with its size."""
+_EVALUATED = re.compile(r"dataset/slam/(evaluation\.[a-z]+|[^/]+_[0-9]+/.+)")
+"""What its evaluation writes besides."""
 _ADDRESS = re.compile("[a-z][a-z0-9+]+:")
 """What is left in a path of the scheme of an address, such as s3://bucket/worlds."""
 _LONGEST, _DEEPEST = 255, 3500
@@ -141,23 +145,35 @@ def require_listed(
     if not force:
         _refuse(out, foreign=foreign, changed=changed)
     if foreign or changed:
-        _log.warning("removed from %s: %s", out, ", ".join(told_files({*foreign, *changed})))
+        _log.warning("removed from %s: %s", out, ", ".join(told_files(out, {*foreign, *changed})))
 
 
-def told_files(names: Collection[str]) -> list[str]:
-    """Names of files for people, in order: those of a recording are one thing."""
+def told_files(out: Path, names: Collection[str]) -> tuple[str, ...]:
+    """Names of files of a folder for people, in order: those of its recording are one thing."""
     recorded = [name for name in names if name.startswith(_RECORDING)]
+    if recorded:
+        listed = _recorded(out / _RECORDING)
+        recorded = [name for name in recorded if name in listed or _EVALUATED.fullmatch(name)]
     if _INDEX not in recorded:
-        return sorted(names)
+        return tuple(sorted(names))
     whole = f"{_RECORDING} ({len(recorded):,} files of a recording)"
-    return sorted([*({*names} - {*recorded}), whole])
+    return tuple(sorted([*({*names} - {*recorded}), whole]))
+
+
+def _recorded(folder: Path) -> set[str]:
+    """Files that a recording lists as its own, relative to the world."""
+    found = {_INDEX, f"{_RECORDING}{_WRITTEN}"}
+    with suppress(DataError, OSError):
+        for line in read_lines(folder / _WRITTEN, _WRITTEN):
+            found.add(_RECORDING + line.partition(",")[2].rstrip("\n"))
+    return found
 
 
 def _refuse(out: Path, *, foreign: list[str], changed: list[str]) -> None:
     """Name all that is in the way."""
     told = []
     for names, what in ((foreign, _FOREIGN), (changed, _CHANGED)):
-        if things := told_files(names):
+        if things := told_files(out, names):
             named = ", ".join(things[:_NAMED]) + (" …" if len(things) > _NAMED else "")
             files = "1 file" if len(names) == 1 else f"{len(names):,} files"
             told.append(f"{files} {what}: {named}")

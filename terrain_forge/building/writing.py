@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import ExportError, Stopwatch, in_turn, returning, worker_threads
+from terrain_forge.base import (
+    ExportError,
+    PluginError,
+    Stopwatch,
+    in_turn,
+    is_ours,
+    returning,
+    worker_threads,
+)
 from terrain_forge.model import Export, ExportReport, World, html_picture, plain_options, prepare
-from terrain_forge.recipe import ExportOrder
+from terrain_forge.recipe import RESERVED, ExportOrder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +33,7 @@ class BuildResult:
     passed: bool
     """Whether every validation check passed."""
     removed: tuple[str, ...] = ()
-    """Files of others that lay in the older world and went with it."""
+    """Files of others that lay in the older world and went with it, a recording as one of them."""
     exports: tuple[Export, ...]
     """What was exported: folder, exporter, options, and what the export cannot say."""
 
@@ -63,8 +72,33 @@ def write_files(
         "path files": partial(write_trajectories, world.trajectories, directory / "paths"),
         "world": partial(world.save, directory),
     }
+    here = _current()
     results = _side_by_side(tasks, watch)
+    _require_inside(directory, orders, here)
     return tuple(results[f"export {order.folder}"] for order in orders)
+
+
+def _require_inside(directory: Path, orders: tuple[ExportOrder, ...], here: Path) -> None:
+    """Refuse what an exporter wrote beside its folder, which no list tells, or that it went away.
+
+    Raises:
+        PluginError: names the modules of other packages; we are `here` again.
+    """
+    modules = [getattr(order.exporter, "__name__", order.kind) for order in orders]
+    theirs = ", ".join(module for module in modules if not is_ours(module))
+    known = RESERVED | {order.folder for order in orders}
+    if odd := sorted({path.name for path in directory.iterdir()} - known):
+        raise PluginError(f"an exporter ({theirs}) wrote {odd[0]} beside its folder")
+    if _current() != here:
+        os.chdir(here)
+        raise PluginError(f"an exporter ({theirs}) changed the current folder")
+
+
+def _current() -> Path:
+    try:
+        return Path.cwd()
+    except FileNotFoundError:  # it is gone
+        return Path()
 
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
@@ -89,6 +123,8 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
             report = order.exporter.export(world, folder, options=order.options)
             if not isinstance(report, ExportReport):
                 raise TypeError(f"found {type(report).__name__}")
+            if isinstance(report.losses, str):
+                raise TypeError(f"found the text {report.losses[:40]!r} for its losses")
             losses = tuple(map(str, report.losses))
             if odd := [str(file) for file in report.files if not _is_within(folder, file)]:
                 raise ValueError(f"found {odd[0]}, which is no file in its folder")

@@ -12,6 +12,7 @@ from terrain_forge.dtm.projection import ellipsoid, geographic_crs, scale_error,
 from terrain_forge.dtm.quality import assess
 from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.dtm.roughness import COARSE_POSTING
+from terrain_forge.dtm.vertical import FELT
 from terrain_forge.model import Body, Site
 
 _MOST_SAMPLES = 2**24
@@ -55,6 +56,10 @@ def describe(raster: Raster) -> Description:
     return Description(facts=tuple(facts), warnings=tuple(_warnings(raster, posting, values)))
 
 
+_TOWER = 4.0
+"""Postings by which a single sample of real ground does not stand out."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Values:
     """A look at the samples: all of a small raster, pieces all over a large one."""
@@ -66,6 +71,8 @@ class _Values:
     seams: tuple[str, ...]
     stripes: dict[str, float]
     """RMS of the steps between columns or rows [m], of each that has stripes."""
+    spike: float
+    """Height of the highest single sample over its neighbours, or depth below them [m]."""
     suspects: tuple[str, ...]
 
     @classmethod
@@ -74,6 +81,7 @@ class _Values:
         found, missing, planar = [], [], []
         seams: list[str] = []
         stripes: dict[str, float] = {}
+        spike = 0.0
         suspects: list[str] = []
         for rows, columns in _pieces(raster.shape, whole):
             try:
@@ -86,6 +94,7 @@ class _Values:
             if min(valid.shape) >= 8 and valid.any():
                 quality = assess(heights, valid, quantum=raster.quantum)
                 planar.append(quality.planar_fraction)
+                spike = max(spike, quality.spike)
                 start = {"row": rows.start, "column": columns.start}
                 seams += [f"{line} {n + start[line]}" for line, n, _ in quality.seams]
                 for line, step in quality.stripes:
@@ -97,6 +106,7 @@ class _Values:
             planar=float(np.mean(planar)) if planar else 0.0,
             seams=tuple(dict.fromkeys(seams)),
             stripes=stripes,
+            spike=spike,
             suspects=tuple(suspects[:1]),
         )
 
@@ -268,7 +278,7 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         )
     quantum = raster.quantum
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
-    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= 0.02)
+    stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= FELT)
     if quantum and stairs and raster.vertical.known and not coarse:
         found.append(
             f"{dtype}: heights come in stairs of {_metres(quantum)}, which a wheel feels; "
@@ -290,6 +300,10 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     if values.seams:
         shown = ", ".join(values.seams[:4]) + (", …" if len(values.seams) > 4 else "")
         found.append(f"the ground steps along {shown}: seams of images or strips")
+    if posting and not coarse and values.spike > _TOWER * posting:
+        found.append(
+            f"a single sample stands {_metres(values.spike)} above or below all around it: a spike"
+        )
     for line, step in values.stripes.items():
         found.append(
             f"stripes along its {line}s: steps of {_metres(step)} RMS between them go all along, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,11 @@ _ROUNDS = 8
 _POLISH = 300
 _SEAM_CONTRAST = 8.0  # times the usual mean step
 _SEAM_COHERENCE = 0.75  # of the steps along a seam go the same way
+_LARGEST = 32.0  # of the usual step, that one step counts
 _STRIPED = 0.4  # rank correlation of the steps in parts of a DTM that do not touch
 _SMOOTH = 0.5  # correlation of the steps before neighbouring columns
 _FEWEST_LINES, _FEWEST_LONG = 48, 64
+_STRIP = 256  # rows that are looked at between samples at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +34,8 @@ class Quality:
     """Lines across which the ground breaks: row or column, its number, the mean step [m]."""
     stripes: tuple[tuple[str, float], ...]
     """Whether columns or rows differ in height all along: which, and their steps' RMS [m]."""
+    spike: float
+    """How far a single post stands above all its neighbours, or below them, at most [m]."""
 
 
 def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
@@ -52,7 +57,20 @@ def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
         planar_fraction=float(planar.sum() / max(valid.sum(), 1)),
         seams=tuple(seams),
         stripes=tuple(stripes),
+        spike=_spike(heights, valid),
     )
+
+
+def _spike(heights: Array, valid: Mask) -> float:
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    around = np.ones((3, 3), np.bool_)
+    around[1, 1] = False
+    known = minimum_filter(valid, size=3, mode="constant")
+    z = np.where(valid, heights, 0.0)
+    above = z - maximum_filter(z, footprint=around)
+    below = minimum_filter(z, footprint=around) - z
+    return float(np.maximum(above, below)[known].max(initial=0.0))
 
 
 def planar_posts(heights: Array) -> Mask:
@@ -83,14 +101,21 @@ def _excess_steps(heights: Array, valid: Mask) -> tuple[Array, Mask]:
 
 
 def _seams(excess: Array, known: Mask, name: str) -> list[tuple[str, int, float]]:
-    """Columns before which the heights step, on the whole, far more than before others."""
+    """Columns before which the heights step, on the whole, far more than before others.
+
+    No single step counts more than `_LARGEST` usual ones: a spike is no seam.
+    """
     count = np.maximum(known.sum(axis=0), 1)
+    size = excess.sum(axis=0) / count
+    most = _LARGEST * float(np.median(np.abs(excess[known]))) if known.any() else 0.0
+    if most > 0.0:
+        excess = np.clip(excess, -most, most)
     mean, spread = excess.sum(axis=0) / count, np.abs(excess).sum(axis=0) / count
     usual = float(np.median(np.abs(mean)) / 0.6745)
     enough = (known.sum(axis=0) > 0.5 * len(excess)) & (np.abs(mean) > _SEAM_COHERENCE * spread)
     peak = np.abs(mean) >= np.maximum(np.abs(np.roll(mean, 1)), np.abs(np.roll(mean, -1)))
     found = np.flatnonzero(enough & peak & (np.abs(mean) > _SEAM_CONTRAST * usual) & (usual > 0))
-    return [(name, int(n) + 2, float(mean[n])) for n in found]
+    return [(name, int(n) + 2, float(size[n])) for n in found]
 
 
 def _stripes(excess: Array, known: Mask) -> float:
@@ -116,10 +141,11 @@ def _stripes(excess: Array, known: Mask) -> float:
     return float(np.sqrt(max((mean[0] * mean[2]).mean(), 0.0)))
 
 
-def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[int, int, int]:
+def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[int, float, float]:
     """Width [samples] of the widest hole of a site, and row and column of its middle.
 
-    It is the diameter of the largest circle around a sample of the site that reaches no valid one.
+    It is the number of samples across the largest circle that holds no valid one and whose middle,
+    a sample or half way between two, lies on the site.
 
     Args:
         valid: samples that are no holes, of the site and around it.
@@ -127,10 +153,24 @@ def farthest_filled(valid: Mask, inside: tuple[NDArray[np.intp], ...]) -> tuple[
     """
     from scipy.ndimage import distance_transform_edt
 
-    distance = distance_transform_edt(~valid)[inside]
-    n, m = np.unravel_index(int(np.argmax(distance)), distance.shape)
-    width = int(np.ceil(2.0 * distance[n, m] - 1.0))
-    return width, int(inside[0].ravel()[n]), int(inside[1].ravel()[m])
+    away = distance_transform_edt(~valid)
+    reach, (rows, columns) = math.ceil(away[inside].max()) + 1, (axis.ravel() for axis in inside)
+    found, first, last = (0.0, 0.0, 0.0), int(rows.min()), int(rows.max())
+    for row in range(first, last + 1, _STRIP):
+        end = min(row + _STRIP, last + 1)
+        if away[row:end, columns].max() <= reach - 3.0:
+            continue
+        low = max(row - reach, 0)
+        part = valid[low : end + reach]
+        known = np.zeros((2 * part.shape[0] - 1, 2 * part.shape[1] - 1), np.bool_)
+        known[::2, ::2] = part  # and what lies half way between
+        halves = distance_transform_edt(~known)
+        halves = halves[2 * (row - low) : 2 * (min(end, last) - low) + 1]
+        halves = halves[:, 2 * columns.min() : 2 * columns.max() + 1]
+        n, m = np.unravel_index(int(np.argmax(halves)), halves.shape)
+        place = row + 0.5 * float(n), float(columns.min()) + 0.5 * float(m)
+        found = max(found, (float(halves[n, m]), *place), key=lambda one: one[0])
+    return math.floor(found[0] - 1.0), found[1], found[2]
 
 
 def fill_holes(heights: Array, valid: Mask) -> Array:

@@ -179,14 +179,14 @@ def _require_filled(
     if valid[inside].all():
         return ()
     samples, row, column = farthest_filled(valid, inside)
-    width = samples * patch.posting
+    width = float(f"{samples * patch.posting:.3g}")  # as it is told, so that it can be allowed
     allowed = FILL_POSTS * patch.posting if spec.fill_holes_m is None else spec.fill_holes_m
     if width > allowed:
-        east, north = patch_points(patch, crs, np.array([float(column)]), np.array([float(row)]))
+        east, north = patch_points(patch, crs, np.array([column]), np.array([row]))
         raise DataError(
             f"{spec.name} has a hole about {width:.3g} m ({samples} samples) wide around "
-            f"{east[0]:.0f} m east, {north[0]:.0f} m north of the site's centre; holes of up to "
-            f"{allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
+            f"{round(east[0])} m east, {round(north[0])} m north of the site's centre; holes of up "
+            f"to {allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
             key=("dtm", "fill_holes_m"),
         )
     filled = int((~valid[inside]).sum())

@@ -69,6 +69,12 @@ def survey(
     """
     horizon = horizon or HorizonSpec()
     _require_near(horizon, body)
+    if heights is not None and not isinstance(spec, ArrayDtm):
+        raise RecipeError(
+            f"`heights` are given, but the recipe's dtm is of kind {spec.kind!r}; only "
+            "`kind: array` takes them",
+            key=("dtm",),
+        )
     if isinstance(spec, FlatDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
         return Survey(

@@ -23,6 +23,8 @@ _METRES = {
 }
 _SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
 _FEWEST_LEVELS, _REPEATED, _OFF_LEVEL, _COARSER = 3, 0.25, 0.1, 16.0
+FELT = 0.02
+"""Height [m] of stairs that a wheel feels."""
 _FARTHEST = 0.05
 """Part of a body's radius beyond which no ground lies; Mars reaches 0.0065 of it."""
 
@@ -101,7 +103,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         reference_radius=datum if is_radius else 0.0,
         known=known,
         unit=unit,
-        quantum=abs(scale) if dtype.kind in "iu" else abs(scale) * _step(sample) or None,
+        quantum=abs(scale) * (1.0 if dtype.kind in "iu" else _step(sample, dtype, scale)) or None,
         assumed=not unit and spec.height_scale is None and spec.height_range_m is None,
     )
 
@@ -200,8 +202,14 @@ def _sample(dataset: Any, spec: RasterDtm) -> NDArray[np.float64]:
     return found
 
 
-def _step(values: NDArray[np.float64]) -> float:
-    """Number of which all values of a raster of floats are multiples, but for an offset; else 0."""
+def _step(values: NDArray[np.float64], dtype: np.dtype[Any], scale: float) -> float:
+    """Number of which all values of a raster of floats are multiples, but for an offset; else 0.
+
+    Floats of their own are so coarse where radii are kept in single precision.
+    """
+    finest = float(np.spacing(np.abs(np.median(values)).astype(dtype))) if values.size else 0.0
+    if abs(scale) * finest >= FELT:
+        return finest
     levels = np.unique(values)
     if len(levels) < _FEWEST_LEVELS or len(levels) > _REPEATED * values.size:
         return 0.0

@@ -122,7 +122,7 @@ def illuminate(
         StorageError: if the disk does not take it.
     """
     watch, out = Stopwatch(progress), resolved(out)
-    removed = require_ours(out, force=force, holds=HOLDS)
+    removed = told_files(out, require_ours(out, force=force, holds=HOLDS))
     place = place_of(site, key=("sun", "time"))
     begin = _begin(site, wish, place)
     end = _time("--to", wish.end) if wish.end else begin + solar_day(place[0])
@@ -169,7 +169,7 @@ def illuminate(
                 lines.append("day.webp, what the preview's eye sees")
         write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
     heading = (
-        *([f"removed from {out}: {', '.join(told_files(removed))}"] if removed else []),
+        *([f"removed from {out}: {', '.join(removed)}"] if removed else []),
         f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; {_map_told(land, wish)}; "
         f"looked {land.told}",
         f"sunlight {light.sunlight.mean():.4g} h of {hours:.4g} h on average, "

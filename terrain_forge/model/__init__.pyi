@@ -21,6 +21,7 @@ from .body import Soil as Soil
 from .body import SurfaceFriction as SurfaceFriction
 from .body import sheared as sheared
 from .camera_parts import AutoExposure as AutoExposure
+from .camera_parts import CameraNoise as CameraNoise
 from .camera_parts import FixedExposure as FixedExposure
 from .camera_parts import LensFlare as LensFlare
 from .check import Check as Check

@@ -177,10 +177,17 @@ def require_exports(orders: Sequence[ExportOrder], site: Site) -> None:
 
 
 def rocks_of(site: Site) -> float:
-    """Expected number of rocks of a site, those of the user's own lists with them."""
+    """About how many rocks a site will have, with those of the user's own lists.
+
+    Density images count by their mean; slope limits, corridors and exclusion zones do not.
+    """
     recipe = site.recipe
-    listed = sum(len(site.table(table.file).values) for table in recipe.rocks.lists)
-    return expected_rocks(recipe) + listed
+    count = sum(len(site.table(table.file).values) for table in recipe.rocks.lists) + 0.0
+    for population in recipe.rocks.populations:
+        image = population.density_image
+        share = 1.0 if image is None else float(site.image(image).mean())
+        count += share * expected_count(population, recipe.dtm.size_m)
+    return count
 
 
 def machine_memory() -> int:

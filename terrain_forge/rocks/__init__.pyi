@@ -32,6 +32,7 @@ from .feasibility import largest_rock as largest_rock
 from .laws.counts import MAX_COUNTED as MAX_COUNTED
 from .laws.counts import Counts as Counts
 from .laws.exponential import Exponential as Exponential
+from .laws.golombek import CoverAbove as CoverAbove
 from .laws.golombek import Golombek as Golombek
 from .laws.law import SizeLaw as SizeLaw
 from .laws.power_law import PowerLaw as PowerLaw

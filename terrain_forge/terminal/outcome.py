@@ -14,7 +14,7 @@ import numpy as np
 
 from terrain_forge import tiling
 from terrain_forge.base import OutputError, StorageError, size_text
-from terrain_forge.building import BuildResult, read_manifest, told_files
+from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text
 from terrain_forge.terminal.running import FAILED_CHECK
@@ -37,7 +37,7 @@ def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
         return
     world = result.world
     if result.removed:
-        say(f"removed from {out}: {', '.join(told_files(result.removed))}")
+        say(f"removed from {out}: {', '.join(result.removed)}")
     kinds = ", ".join(export.folder for export in result.exports if "/" not in export.folder)
     _tell_verdict(out)
     say(

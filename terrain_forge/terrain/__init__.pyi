@@ -32,6 +32,11 @@ from .layers.displacement_map import DisplacementMap as DisplacementMap
 from .layers.fractal import Fractal as Fractal
 from .layers.fractal import RmsSlope as RmsSlope
 from .layers.ripples import Ripples as Ripples
+from .masks import HeightBand as HeightBand
+from .masks import Mask as Mask
+from .masks import ReliefBand as ReliefBand
+from .masks import RouteBand as RouteBand
+from .masks import SlopeBand as SlopeBand
 from .masks import mask_weight as mask_weight
 from .materials import MaterialSpec as MaterialSpec
 from .materials import check_materials as check_materials

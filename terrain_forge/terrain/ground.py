@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import returning
+from terrain_forge.base import is_ours, returning
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.terrain.layer import Layer
@@ -35,9 +35,12 @@ def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.
     elevation = dtm_heights(site=site, window=around)
     _require_finite(elevation, "the DTM")
     for number, layer in enumerate(layers):
+        seen = elevation.view()
+        # Kernels of ours are compiled for arrays that could be written.
+        seen.flags.writeable = is_ours(type(layer).__module__)
         what = f"layer {layer.kind!r} (terrain.layers[{number}]): relief"
         with returning(layer, what, "a finite height [m] for each node, shape [rows, columns]"):
-            elevation += layer.masked_relief(site=site, window=around, elevation=elevation)
+            elevation += layer.masked_relief(site=site, window=around, elevation=seen)
             _require_finite(elevation, f"terrain.layers[{number}] ({type(layer).__name__})")
     south, west = window.row - around.row, window.column - around.column
     return elevation[south : south + window.rows + 1, west : west + window.columns + 1]

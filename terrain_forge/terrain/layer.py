@@ -76,8 +76,16 @@ class Layer(Spec):
     def masked_relief(
         self, *, site: Site, window: Window, elevation: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The relief where the mask lets it be."""
+        """The relief where the mask lets it be.
+
+        Raises:
+            ValueError: if it is no array of a number for each node.
+        """
         added = self.relief(site=site, window=window, elevation=elevation)
+        if type(added) is not np.ndarray or added.dtype.kind not in "fiu":
+            raise ValueError(f"found {getattr(added, 'dtype', '')} {type(added).__name__}".strip())
+        if added.shape != elevation.shape:
+            raise ValueError(f"found the shape {list(added.shape)}")
         if self.mask is None:
             return added
         return added * mask_weight(self.mask, site=site, window=window, elevation=elevation)

@@ -9,9 +9,11 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 
@@ -241,6 +243,24 @@ def test_import_is_light():
 def test_everything_is_offered_from_one_place():
     assert dir(tf) == sorted(dir(tf))
     assert {"load_recipe", "plan", "realise", "build", "World", "Recipe"} <= set(dir(tf))
+
+
+def specs(hint):
+    """The types of what a recipe may hold, but for those that are made of a rover's description."""
+    for part in get_args(hint):
+        yield from specs(part)
+    if isinstance(hint, type) and is_dataclass(hint):
+        if hasattr(sys.modules[hint.__module__], hint.__name__):
+            yield hint
+        hints = get_type_hints(hint, include_extras=True)
+        for one in fields(hint):
+            yield from specs(hints[one.name])
+
+
+def test_all_that_a_recipe_holds_can_be_made_in_python():
+    found = {one.__name__ for one in specs(tf.Recipe)}
+    assert len(found) > 80
+    assert found - set(dir(tf)) == set()
 
 
 def test_threads_begin_in_one_place():

@@ -14,6 +14,8 @@ silent = odd_exporter
 gone = gone_exporter
 liar = liar_exporter
 leaver = leaving_exporter
+splitter = splitting_exporter
+strayer = straying_exporter
 ending = ending_exporter
 [terrain_forge.layers]
 odd = odd_layer
@@ -47,6 +49,22 @@ MODULES = {
     + "def export(world, directory, *, options):\n"
     + "    (directory / 'link').symlink_to(__file__)\n"
     + "    return ExportReport(files=(Path(options.file),), losses=())\n",
+    "splitting_exporter.py": HEAD
+    + "from terrain_forge.base import Spec\n"
+    + "from terrain_forge.model import ExportReport\n"
+    + SPEC
+    + "class Options(Spec): pass\n"
+    + "def export(world, directory, *, options):\n"
+    + "    return ExportReport(files=(), losses='none')\n",
+    "straying_exporter.py": HEAD
+    + "import os\nfrom terrain_forge.base import Spec\n"
+    + "from terrain_forge.model import ExportReport\n"
+    + SPEC
+    + "class Options(Spec):\n    what: str = 'write'\n"
+    + "def export(world, directory, *, options):\n"
+    + "    if options.what == 'go': os.chdir('/')\n"
+    + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
+    + "    return ExportReport(files=(), losses=())\n",
     "leaving_exporter.py": HEAD
     + "import sys\nfrom terrain_forge.base import Spec\n"
     + SPEC
@@ -65,6 +83,8 @@ MODULES = {
     + "    def relief(self, *, site, window, elevation):\n"
     + "        return {'nan': np.full_like(elevation, np.nan), 'none': None,\n"
     + "                'shape': np.ones((2, 2)), 'ok': elevation, 'far': elevation + 1e300,\n"
+    + "                'number': 0.1, 'truths': elevation > 0, 'masked': np.ma.array(elevation),\n"
+    + "                'place': elevation if self.what != 'place' else elevation.__iadd__(1.0),\n"
     + "                }[self.what] if self.what != 'exit' else exit(0)\n"
     + "    def brightness(self, *, site, window): return np.ones((2, 2))\n",
     "odd_law.py": HEAD
@@ -136,6 +156,13 @@ REFUSED = [
     ({"layers": "{kind: odd, what: none}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
     ({"layers": "{kind: odd, what: shape}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
     ({"layers": "{kind: odd, what: far}"}, "layer 'odd' (terrain.layers[0]): relief (odd_layer)"),
+    *(
+        (
+            {"layers": f"{{kind: odd, what: {what}}}"},
+            "layer 'odd' (terrain.layers[0]): relief (odd_layer)",
+        )
+        for what in ("number", "truths", "masked")
+    ),
     ({"layers": "{kind: odd, what: ok}"}, "layer 'odd': brightness (odd_layer)"),
     (_rocks("number"), "size law 'odd': cumulative_number (odd_law)"),
     (_rocks("sample"), "size law 'odd': sample (odd_law)"),
@@ -146,6 +173,7 @@ REFUSED = [
     ),
     ({"exports": "[silent]"}, "exporter 'silent': export (odd_exporter)"),
     ({"exports": "[liar]"}, "exporter 'liar': export (liar_exporter)"),
+    ({"exports": "[splitter]"}, "exporter 'splitter': export (splitting_exporter)"),
     ({"exports": "{liar: {file: link}}"}, "exporter 'liar': export (liar_exporter)"),
     ({"exports": "{liar: {file: ../../odd.yaml}}"}, "exporter 'liar': export (liar_exporter)"),
 ]
@@ -176,6 +204,22 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
     assert told in done.complaints[-1], done.stderr
     assert "SystemExit: 0" in done.complaints[-1], done.stderr
     assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"layers": "{kind: odd, what: place}"}, "read-only"),
+        ({"exports": "[strayer]"}, "an exporter (straying_exporter) wrote mine beside its folder"),
+        ({"exports": "{strayer: {what: go}}"}, "(straying_exporter) changed the current folder"),
+    ],
+)
+def test_a_plugin_changes_nothing_but_its_own(installed, tmp_path, parts, told):
+    with fresh(installed):
+        done = build(tmp_path, **parts)
+    assert done.returncode == 3, done.stderr
+    assert told in done.complaints[-1], done.stderr
     assert not (tmp_path / "out").exists()
 
 

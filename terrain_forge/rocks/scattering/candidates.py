@@ -72,8 +72,12 @@ def draw_class(
     intensity: Intensity,
 ) -> tuple[Candidates, NDArray[np.int64]]:
     """The rocks of a class whose first place lies in a region; their number in each cell of it."""
+    cells, drawing = size_class.cells, size_class.drawing
+    drawn_in = region
     if size_class.parents is None:
-        ids, address, xy, cell = _in_cells(size_class, region, site)
+        if drawing is not cells:
+            drawn_in = drawing.covering(region.rectangle(cells, site), site)
+        ids, address, xy, cell = _in_cells(size_class, drawn_in, site)
     else:
         ids, address, xy, cell = _in_clusters(
             size_class, size_class.parents, region, population, site
@@ -85,11 +89,14 @@ def draw_class(
         # A share is kept that is the weight of the place over its bound.
         bound: Array | float = 1.0
         if size_class.bounds is not None:
-            bound = region.cut(size_class.bounds).ravel()[cell]
+            bound = drawn_in.cut(size_class.bounds).ravel()[cell]
         likely = weights(intensity, size_class.population, xy, diameter)
         kept = draw(address, KEEP) * bound < likely
         ids, address, xy, cell = ids[kept], address[kept], xy[kept], cell[kept]
         diameter = diameter[kept]
+    if size_class.parents is None and drawing is not cells:
+        kept, cell = cells.home(xy, region, site)
+        ids, address, xy, diameter = ids[kept], address[kept], xy[kept], diameter[kept]
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
     dynamic = is_dynamic(population, diameter)
@@ -109,8 +116,8 @@ def draw_class(
 
 
 def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
-    """Rocks evenly at random in each cell."""
-    cells, counts = size_class.cells, size_class.counts_of(region)
+    """Rocks evenly at random in each cell of a region of those to draw by."""
+    cells, counts = size_class.drawing, size_class.counts_of(region)
     rows, columns = np.indices(counts.shape).reshape(2, -1).repeat(counts.ravel(), axis=1)
     address = addresses(size_class.key, region.column, region.row, np.ascontiguousarray(counts))
     x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
@@ -139,12 +146,8 @@ def _in_clusters(
     address, xy = offspring(close, counts, size_class.key, radius)
     first_id = size_class.first_id + _before(size_class.counts)
     ids = _numbered(first_id[near], counts)
-    column, row = (cells.of(xy, site) - (region.column, region.row)).T
-    inside = (column >= 0) & (column < region.columns) & (row >= 0) & (row < region.rows)
-    inside &= np.all(np.abs(xy) <= (-site.west, -site.south), axis=1)
-    cell, kept = row * region.columns + column, np.flatnonzero(inside)
-    kept = kept[np.argsort(cell[kept], kind="stable")]
-    return ids[kept], address[kept], xy[kept], cell[kept]
+    kept, cell = cells.home(xy, region, site)
+    return ids[kept], address[kept], xy[kept], cell
 
 
 def _before(counts: NDArray[np.int64]) -> NDArray[np.int64]:

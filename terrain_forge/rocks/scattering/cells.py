@@ -22,6 +22,7 @@ SIZE, EAST, NORTH, PROTOTYPE, YAW, BURIED, RETRY, KEEP = range(8)
 
 _ROCKS_PER_CELL = 200.0
 _DIAMETERS_PER_CELL = 40.0
+_RADII_PER_CELL = 3.0
 _RINGS = 3
 
 
@@ -52,6 +53,24 @@ class Cells:
         found = np.floor((xy - (site.west, site.south)) / self.side).astype(np.int64)
         return np.clip(found, 0, (self.columns - 1, self.rows - 1))
 
+    def covering(self, area: Rectangle, site: Site) -> Region:
+        """The cells that a part of the site [m] touches, and one more around."""
+        first = self.of(np.array([area[:2]]), site)[0] - 1
+        last = self.of(np.array([area[2:]]), site)[0] + 1
+        first, last = np.maximum(first, 0), np.minimum(last, (self.columns - 1, self.rows - 1))
+        return Region(*first.tolist(), *(last + 1 - first).tolist())
+
+    def home(
+        self, xy: NDArray[np.float64], region: Region, site: Site
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Which places [m] lie in a region, ordered by cell, and their cells, row by row."""
+        column, row = (self.of(xy, site) - (region.column, region.row)).T
+        inside = (column >= 0) & (column < region.columns) & (row >= 0) & (row < region.rows)
+        inside &= np.all(np.abs(xy) <= (-site.west, -site.south), axis=1)
+        cell, kept = row * region.columns + column, np.flatnonzero(inside)
+        kept = kept[np.argsort(cell[kept], kind="stable")]
+        return kept, cell[kept]
+
 
 class Region(NamedTuple):
     """A rectangle of the cells of a class."""
@@ -77,17 +96,36 @@ class Region(NamedTuple):
 
 
 def divide(
-    site: Site, *, density: float, diameter: float, radius: float, local: bool = False
-) -> Cells:
+    site: Site, *, density: float, diameter: float, radius: float, largest: float, local: bool
+) -> tuple[Cells, Cells]:
     """The cells for a density [1/m²] of rocks up to a diameter and a circle's radius [m].
 
     A cell must be wider than two rocks, so that cells of one colour are independent. It is large
     enough for its rocks to find places in it, even where larger rocks crowd it or chance gives it
     more than its share, and no larger, so that a window depends on little around it.
+
+    Args:
+        site: The site.
+        density: Rocks on a square metre, by the law.
+        diameter: Of the largest rock of the class [m].
+        radius: Of the largest rock's circle [m].
+        largest: Radius [m] of a circle that holds any rock of the site.
+        local: As of `Cells`.
+
+    Returns:
+        Cells to draw the rocks by, which do not depend on other rocks, and cells to place them in,
+        which no rock of the site fills.
     """
     wide = _DIAMETERS_PER_CELL * diameter
     if density * wide**2 > _ROCKS_PER_CELL:
         wide = (_ROCKS_PER_CELL / density) ** 0.5
+    wider = _RADII_PER_CELL * largest
+    drawing = _divide(site, wide, density, radius, local)
+    return drawing, drawing if wide >= wider else _divide(site, wider, density, radius, local)
+
+
+def _divide(site: Site, wide: float, density: float, radius: float, local: bool) -> Cells:
+    """Cells of about a width [m] that is made to divide the site evenly."""
     columns, rows = (
         max(min(round(length / wide), int(length / (4.0 * radius))), 1) for length in site.size
     )

@@ -24,7 +24,6 @@ MAX_CLUSTERS = 2**20
 
 _PARENTS_PER_CELL = 16.0
 _RANGE, _ANGLE = 1, 2
-_BATCH = 256.0
 
 
 class Parents(NamedTuple):
@@ -84,12 +83,9 @@ def _draw_parents(key, first, last, corner, side, mean):  # type: ignore[no-unty
 @kernel
 def numbers(address, key, mean):  # type: ignore[no-untyped-def]
     """Poisson number of rocks of a size class that each parent has, shape [parents]."""
-    batches = int(np.ceil(mean / _BATCH))  # a sum of Poisson counts is one; exp underflows
     counts = np.zeros(len(address), dtype=np.int64)
     for p in range(len(address)):
-        parent = mix(mix(key, address[p]), 0)
-        for b in range(batches):
-            counts[p] += poisson(mix(parent, b), mean / batches)
+        counts[p] = poisson(mix(mix(mix(key, address[p]), 0), 0), mean)
     return counts
 
 

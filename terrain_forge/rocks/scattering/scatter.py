@@ -9,10 +9,11 @@ limit or craters say so, rocks are thinned out (`intensity`).
 Overlap is solved by moving, never by dropping a rock or redrawing its size: either would bend the
 law. The user's own rocks lie already; then larger classes are placed first. Within a class the
 cells of each of four checkerboard colours are independent of each other, since a cell is wider than
-two rocks; within a cell larger rocks are placed first. A rock that overlaps one that lies already
-tries other hashed places within its own cell: anywhere, or ever farther from its first place if
-rocks are not to lie everywhere alike. So the place of a rock depends on a bounded neighbourhood,
-and a window is computed from itself and a margin.
+two rocks; within a cell larger rocks are placed first. Where the site has rocks that would fill a
+cell, rocks are placed in wider ones than they were drawn by. A rock that overlaps one that lies
+already tries other hashed places within its own cell: anywhere, or ever farther from its first
+place if rocks are not to lie everywhere alike. So the place of a rock depends on a bounded
+neighbourhood, and a window is computed from itself and a margin.
 """
 
 from __future__ import annotations

@@ -49,6 +49,9 @@ class SizeClass:
     """Largest diameter [m]."""
     cells: Cells
     """The cells in which its rocks are placed."""
+    drawing: Cells
+    """The cells by which its rocks are drawn, whatever else lies on the site; most often the same.
+    """
     bounds: Array | None
     """How much denser than the law the rocks are drawn in each cell, shape [rows, columns]; None
     for 1 everywhere."""
@@ -65,16 +68,16 @@ class SizeClass:
     """Id of the first rock."""
 
     def ids_of(self, region: Region) -> NDArray[np.int64]:
-        """The first id of each cell of a region, shape [rows, columns]."""
+        """The first id of each cell of a region of `drawing`, shape [rows, columns]."""
         if self.counts is None:
             rows = region.row + np.arange(region.rows)
             columns = region.column + np.arange(region.columns)
-            return self.first_id + self.most * (rows[:, None] * self.cells.columns + columns)
+            return self.first_id + self.most * (rows[:, None] * self.drawing.columns + columns)
         before = np.cumsum(self.counts.ravel()).reshape(self.counts.shape) - self.counts
         return region.cut(self.first_id + before)
 
     def counts_of(self, region: Region) -> NDArray[np.int64]:
-        """Rocks that are drawn in each cell of a region, shape [rows, columns]."""
+        """Rocks that are drawn in each cell of a region of `drawing`, shape [rows, columns]."""
         if self.counts is None:
             found: NDArray[np.int64] = region_counts(self.key, *region, self.mean, self.most)
             return found
@@ -94,11 +97,12 @@ def size_classes(
         RecipeError: if a population is too dense to be placed without overlap, or too numerous.
     """
     found: list[SizeClass] = []
+    circle = _largest_circle(site, populations, library, intensity)
     many = any(population.is_many(site.size) for population in populations)
     next_id = sum(len(site.table(spec.file).values) for spec in site.recipe.rocks.lists) * many
     for index, population in enumerate(populations):
         first_id = next_id if many else index * MAX_ROCKS
-        classes, next_id = _octaves(site, population, index, library, intensity, first_id)
+        classes, next_id = _octaves(site, population, index, library, intensity, circle, first_id)
         found += classes
     if many and next_id > LAST_ID:
         raise RecipeError(
@@ -137,6 +141,7 @@ def _octaves(
     index: int,
     library: RockLibrary,
     intensity: Intensity,
+    circle: float,
     first_id: int,
 ) -> tuple[list[SizeClass], int]:
     """The classes of one population, smallest first, and the id after those of its rocks."""
@@ -155,21 +160,22 @@ def _octaves(
     while low < last:
         high = min(2.0 * low, last)
         space = DYNAMIC_SPACE if dynamic_low <= high and dynamic_high >= low else 1.0
-        cells = divide(
+        drawing, cells = divide(
             site,
             density=population.density(low, high) * max(crowding(arrangement), 1.0),
             diameter=high,
             radius=reach * high * space,
+            largest=circle,
             local=intensity.thins(index) or parents is not None,
         )
-        bounds = _bounds(intensity, index, low, cells) if intensity.around[index] else None
+        bounds = _bounds(intensity, index, low, drawing) if intensity.around[index] else None
         class_key = np.uint64(mix(key, len(found)))
-        mean = population.density(low, high) * cells.side[0] * cells.side[1]
+        mean = population.density(low, high) * drawing.side[0] * drawing.side[1]
         counts, most = None, 0
         if many:
             most = math.ceil(mean + _SPREAD * math.sqrt(mean)) + _SPARE
         else:
-            counts = _counts(population, (low, high), class_key, cells, bounds, parents, where)
+            counts = _counts(population, (low, high), class_key, drawing, bounds, parents, where)
         found.append(
             SizeClass(
                 population=index,
@@ -177,6 +183,7 @@ def _octaves(
                 smallest=low,
                 largest=high,
                 cells=cells,
+                drawing=drawing,
                 bounds=bounds,
                 parents=parents,
                 counts=counts,
@@ -185,7 +192,7 @@ def _octaves(
                 first_id=next_id,
             )
         )
-        used = most * cells.rows * cells.columns if counts is None else int(counts.sum())
+        used = most * drawing.rows * drawing.columns if counts is None else int(counts.sum())
         next_id, low = next_id + used, high
     if not many and next_id > first_id + MAX_ROCKS:
         raise RecipeError(
@@ -194,6 +201,23 @@ def _octaves(
             key=where,
         )
     return found, next_id
+
+
+def _largest_circle(
+    site: Site,
+    populations: tuple[PopulationSpec, ...],
+    library: RockLibrary,
+    intensity: Intensity,
+) -> float:
+    """Radius [m] of a circle that holds any rock of the site."""
+    largest = [0.0]
+    for index, population in enumerate(populations):
+        _, dynamic = population.dynamic_diameters or (0.0, 0.0)
+        found = min(population.diameters[1], intensity.largest_rock(index))
+        largest += [found, DYNAMIC_SPACE * min(found, dynamic)]
+    for spec in site.recipe.rocks.lists:
+        largest.append(float(site.table(spec.file).column("diameter_m").max(initial=0.0)))
+    return max(prototype.reach for prototype in library.prototypes) * max(largest)
 
 
 def _counts(

@@ -30,7 +30,6 @@ Rectangle = tuple[float, float, float, float]
 _CELL = 16.0
 """Side of a cell over the smallest diameter of its octave."""
 _EAST, _NORTH, _SIZE, _AGE = range(4)
-_BATCH = 256.0
 
 
 class Drawn(NamedTuple):
@@ -92,14 +91,14 @@ def _place_octave(key, first, last, side, most, least, kept):  # type: ignore[no
     for j in range(first[1], last[1] + 1):
         for i in range(first[0], last[0] + 1):
             cell = mix(mix(key, zigzag(i)), zigzag(j))
-            for k in range(_count(cell, mean)):
+            for k in range(poisson(mix(mix(cell, 0), 0), mean)):
                 total += kept[-1] <= _number(mix(cell, k + 1), most, least) <= kept[0]
     address, xy, number = np.empty(total, np.uint64), np.empty((total, 2)), np.empty(total)
     n = 0
     for j in range(first[1], last[1] + 1):
         for i in range(first[0], last[0] + 1):
             cell = mix(mix(key, zigzag(i)), zigzag(j))
-            for k in range(_count(cell, mean)):
+            for k in range(poisson(mix(mix(cell, 0), 0), mean)):
                 one = mix(cell, k + 1)
                 wanted = _number(one, most, least)
                 if kept[-1] <= wanted <= kept[0]:
@@ -114,16 +113,6 @@ def _place_octave(key, first, last, side, most, least, kept):  # type: ignore[no
 def _number(address, most, least):  # type: ignore[no-untyped-def]
     """N(≥D) of a crater, evenly drawn."""
     return most - uniform(mix(address, _SIZE)) * (most - least)
-
-
-@kernel
-def _count(cell, mean):  # type: ignore[no-untyped-def]
-    """Poisson number of a cell, as a sum of such numbers where exp would underflow."""
-    batches = int(np.ceil(mean / _BATCH))
-    count = 0
-    for b in range(batches):
-        count += poisson(mix(mix(cell, 0), b), mean / batches)
-    return count
 
 
 @kernel

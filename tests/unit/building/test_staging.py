@@ -412,18 +412,21 @@ def test_a_folder_may_be_called_as_an_address_begins(tmp_path):
 
 
 def test_added_and_edited_files_are_named_together_and_a_recording_as_one_thing(world):
-    (world / "dataset" / "mav0").mkdir(parents=True)
-    for name in ("dataset.json", "mav0/a.csv", "mav0/b.csv"):
+    own = ("dataset.json", "mav0/a.csv", "slam/evaluation.csv", "slam/imu_1/imu.tum")
+    for name in (*own, "written.csv", "mine/ate.txt", "slam/notes.txt"):
+        (world / "dataset" / name).parent.mkdir(parents=True, exist_ok=True)
         (world / "dataset" / name).write_text("{}")
+    (world / "dataset" / "written.csv").write_text("#size [bytes],file\n2,mav0/a.csv\n")
     (world / "notes.txt").write_text("precious")
     (world / "geotiff" / "elevation.tif").write_text("edited")
     done = build(world)
     assert done.returncode == 2
-    added = "4 files that its manifest does not list: dataset/ (3 files of a recording), notes.txt"
+    recorded, mine = "dataset/ (5 files of a recording)", "dataset/mine/ate.txt, dataset/slam/notes"
+    added = f"8 files that its manifest does not list: {recorded}, {mine}.txt, notes.txt"
     edited = "1 file changed since it was built: geotiff/elevation.tif"
     assert f"{world} holds {added}, and {edited}; move them away, or let --force" in done.stderr
     done = build(world, "--force")
     assert done.returncode == 0, done.stderr
-    told = "dataset/ (3 files of a recording), geotiff/elevation.tif, notes.txt"
+    told = f"{recorded}, {mine}.txt, geotiff/elevation.tif, notes.txt"
     assert f"removed from {world}: {told}\n" in done.stdout
     assert not (world / "dataset").exists()

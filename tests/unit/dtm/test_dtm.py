@@ -206,6 +206,14 @@ def test_height_map_without_georeference(tmp_path):
     assert "10 cm" in warnings
 
 
+@pytest.mark.parametrize(
+    "spec", [FlatDtm(size_m=(4.0, 4.0)), RasterDtm(source="dem.tif", size_m=(4.0, 4.0))]
+)
+def test_heights_are_taken_by_arrays_alone(spec):
+    with pytest.raises(RecipeError, match=f"of kind '{spec.kind}'; only `kind: array` takes them"):
+        survey(spec, body=MARS, folder=Path(), heights=np.zeros((5, 5)))
+
+
 def test_array_is_taken_as_it_is():
     heights = np.random.default_rng(0).normal(size=(41, 61))
     spec = ArrayDtm(posting_m=0.5, size_m=(30.0, 20.0), noise="keep")

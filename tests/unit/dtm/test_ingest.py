@@ -14,7 +14,7 @@ from rasterio.transform import Affine
 
 from terrain_forge.base import DataError
 from terrain_forge.dtm import site_facts
-from terrain_forge.dtm.quality import assess, destair, planar_posts
+from terrain_forge.dtm.quality import assess, destair, farthest_filled, planar_posts
 from terrain_forge.dtm.spec import Centre
 from terrain_forge.model import MARS, MOON
 from tests.helpers.places import DATA
@@ -151,14 +151,24 @@ def test_wide_hole_is_an_error_that_says_where(tmp_path):
     heights = rough().astype("float32")
     heights[140:160, 220:240] = np.nan
     write_raster(tmp_path, heights)
-    with pytest.raises(DataError, match=r"19 m \(19 samples\) wide around 29 m east, 0 m nor"):
+    with pytest.raises(DataError, match=r"20 m \(20 samples\) wide around 30 m east, 0 m nor"):
         plan(tmp_path)
-    site, ground = plan(tmp_path, replace(SPEC, fill_holes_m=25.0))
-    assert "400 samples in holes up to 19 m" in site.dtm.repairs[0]
+    site, ground = plan(tmp_path, replace(SPEC, fill_holes_m=20.0))
+    assert "400 samples in holes up to 20 m" in site.dtm.repairs[0]
     assert "inverse-distance" in site.dtm.repairs[0]
     assert np.isfinite(ground.elevation).all()
     with pytest.raises(DataError, match="holes of up to 0 m are filled"):
         plan(tmp_path, replace(SPEC, fill_holes_m=0.0))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 4, 7, 12])
+def test_widths_of_holes_are_counted_in_samples(width):
+    valid = np.ones((60, 80), np.bool_)
+    valid[20 : 20 + width, 10:60] = False
+    samples, row, column = farthest_filled(valid, np.ix_(np.arange(2, 50), np.arange(4, 70)))
+    assert samples == width
+    assert row == 20 + 0.5 * (width - 1)
+    assert 10 <= column <= 59
 
 
 def test_hole_beside_the_site_is_no_error(tmp_path):
@@ -216,6 +226,17 @@ def test_floats_that_were_rounded_are_told_and_smoothed(tmp_path, step, datum):
     assert "stairs" not in words(tmp_path)
 
 
+def test_radii_in_single_precision_come_in_stairs(tmp_path):
+    radii = 1737400.0 + rough()
+    grid = Affine(1.0, 0.0, -200.0, 0.0, -1.0, 150.0)
+    write_raster(tmp_path, radii.astype("float32"), crs=MOON_EQC, transform=grid)
+    assert "float32: heights come in stairs of 12 cm" in words(tmp_path, body=MOON)
+    site, _ = plan(tmp_path, replace(SPEC, destair=True), body=MOON)
+    assert any("stairs of 0.125 m" in note for note in site.dtm.repairs)
+    write_raster(tmp_path, radii, crs=MOON_EQC, transform=grid)
+    assert "stairs" not in words(tmp_path, body=MOON)
+
+
 def test_facets_are_found(tmp_path):
     heights = rough()
     heights[100:200, 150:250] = 0.05 * np.arange(100)[:, None] + 0.02 * np.arange(100)[None, :]
@@ -235,6 +256,19 @@ def test_seams_are_found():
     found = assess(heights, valid, quantum=None).seams
     assert [(line, number) for line, number, _ in found] == [("column", 123)]
     assert found[0][2] == pytest.approx(0.4, rel=0.1)
+
+
+@pytest.mark.parametrize("height", [20.0, -1000.0])
+def test_spikes_are_no_seams(tmp_path, height):
+    heights = fractal()
+    write_raster(tmp_path, heights.astype("float32"))
+    assert "spike" not in words(tmp_path)
+    heights[70, 100], heights[20, 50] = height, 0.9 * height
+    assert assess(heights, np.ones(heights.shape, bool), quantum=None).seams == ()
+    write_raster(tmp_path, heights.astype("float32"))
+    told = words(tmp_path)
+    assert "above or below all around it: a spike" in told
+    assert "seams" not in told
 
 
 def fractal(shape=(200, 240), seed=3):

@@ -14,7 +14,7 @@ from terrain_forge import TerrainForgeError, plan
 from terrain_forge.base import RecipeError
 from terrain_forge.dtm import FlatDtm, read_image
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
-from terrain_forge.recipe.limits import expected_rocks
+from terrain_forge.recipe.limits import expected_rocks, rocks_of
 from terrain_forge.rocks import (
     Clustered,
     Counts,
@@ -164,6 +164,8 @@ def test_density_images_are_read_north_up(tmp_path):
     assert site.image("density.png")[-1].min() == 1.0
     assert site.image("density.png")[0].max() == 0.0
     assert dict(site.inputs).keys() == {"density.png"}
+    alone = plan(recipe(population()), folder=tmp_path)
+    assert rocks_of(site) == pytest.approx(0.25 * rocks_of(alone))
 
 
 def _palette(values, colours):

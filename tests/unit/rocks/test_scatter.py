@@ -17,6 +17,7 @@ from terrain_forge.rocks import (
     scatter,
 )
 from tests.helpers import worlds
+from tests.helpers.scattering import CLUSTERED
 
 LIBRARY = worlds.library()
 
@@ -27,6 +28,12 @@ def site(size=(40.0, 30.0), *, seed=1, routes=()):
 
 def population(name="pebbles", *, k=0.1, diameter_m=(0.1, 0.5)):
     return PopulationSpec(name=name, size_frequency=Golombek(k=k), diameter_m=diameter_m)
+
+
+def dust(number_per_m2=0.04, **more):
+    """So many small rocks that the cells they are drawn by are far smaller than a boulder."""
+    law = PowerLaw(number_per_m2=number_per_m2, exponent=2.0)
+    return PopulationSpec(name="dust", size_frequency=law, diameter_m=(0.02, 0.04), **more)
 
 
 def run(place, *populations, window=None):
@@ -105,24 +112,52 @@ def test_ids_are_unique_and_ordered():
     np.testing.assert_array_equal(scattered.id >> 25, scattered.population)
 
 
-def test_any_window_equals_the_cut_of_the_whole():
-    place = site((60.0, 50.0), routes=(circle(15.0),))
-    kinds = (population(k=0.2), population("boulders", k=0.1, diameter_m=(0.5, None)))
+def test_rocks_under_a_much_larger_one_find_places_beside_it():
+    law = PowerLaw(number_per_m2=0.5, exponent=2.0)
+    boulder = PopulationSpec(name="boulder", size_frequency=law, diameter_m=(4.0, 5.0))
+    place = site((24.0, 20.0))
+    alone, crowded = run(place, dust()), run(place, dust(), boulder)
+    assert (crowded.population == 1).any()
+    assert crowded.unplaced == (0, 0)
+    before, after = rows(alone, slice(None)), rows(crowded, crowded.population == 0)
+    assert 0 < np.any(before[3] != after[3], axis=1).mean() < 0.3
+    assert_same(before[:3] + before[4:], after[:3] + after[4:])
+
+
+BOULDERS = population("boulders", k=0.1, diameter_m=(0.5, None))
+
+
+@pytest.mark.parametrize(
+    ("size", "kinds"),
+    [
+        ((60.0, 50.0), (population(k=0.2), BOULDERS)),
+        ((24.0, 20.0), (dust(), population("boulders", k=0.1, diameter_m=(2.0, 2.5)))),
+        ((24.0, 20.0), (dust(0.005, arrangement=CLUSTERED), BOULDERS)),
+    ],
+    ids=["two", "in wide cells", "clusters in wide cells"],
+)
+def test_any_window_equals_the_cut_of_the_whole(size, kinds):
+    place = site(size, routes=(circle(0.3 * size[1]),))
     whole = run(place, *kinds)
+    columns_, rows_ = (int(length / place.spacing) for length in size)
+    half = columns_ // 2
     radius = 0.8 * whole.diameter
     random = np.random.default_rng(3)
     lost = np.zeros(2, int)
     for _ in range(25):
-        column, row = random.integers(0, 240), random.integers(0, 200)
-        columns, rows_ = random.integers(1, 241 - column), random.integers(1, 201 - row)
-        window = Window(column=int(column), row=int(row), columns=int(columns), rows=int(rows_))
+        column, row = random.integers(0, columns_), random.integers(0, rows_)
+        across, along = (
+            random.integers(1, columns_ + 1 - column),
+            random.integers(1, rows_ + 1 - row),
+        )
+        window = Window(column=int(column), row=int(row), columns=int(across), rows=int(along))
         east, north = place.axes(window)
         outside = np.maximum(np.abs(whole.xy - (east.mean(), north.mean())), 0.0)
         outside -= (0.5 * np.ptp(east), 0.5 * np.ptp(north))
         inside = np.hypot(*np.maximum(outside, 0.0).T) <= radius
         assert_same(rows(run(place, *kinds, window=window), slice(None)), rows(whole, inside))
-    for column in (0, 100):
-        window = Window(column=column, row=0, columns=100 if column == 0 else 140, rows=200)
+    for column, across in ((0, half), (half, columns_ - half)):
+        window = Window(column=column, row=0, columns=across, rows=rows_)
         lost += run(place, *kinds, window=window).unplaced
     assert tuple(lost) == whole.unplaced
 
