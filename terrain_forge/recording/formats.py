@@ -30,6 +30,8 @@ def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
     asked: Mapping[str, Mapping[str, Any]] = (
         spec.formats if isinstance(spec.formats, dict) else {name: {} for name in spec.formats}
     )
+    if len(asked) < len(spec.formats):
+        raise RecipeError("a format is named twice", key=("dataset", "formats"))
     known = dataset_kinds()
     for name, options in asked.items():
         if name in known:

@@ -57,10 +57,16 @@ def with_path(world: World, spec: DatasetSpec, *, path: str | None = None) -> Da
         RecipeError: if the world has no path, or none of that name.
     """
     names = [one.name for one in world.trajectories]
+    if not names:
+        raise RecipeError(
+            "the world has no path that the rover could follow: give the recipe one and build it "
+            "again",
+            key=("paths",),
+        )
     named = path or spec.path or next(iter(names), "")
     if named not in names:
         what = f"no path is called {named!r}{hint_at(named, names)}, the world has"
-        raise RecipeError(f"{what}: {', '.join(names) or 'none'}", key=("dataset", "path"))
+        raise RecipeError(f"{what}: {', '.join(names)}", key=("dataset", "path"))
     return replace(spec, path=named)
 
 

@@ -126,6 +126,12 @@ def read_study(path: Path | str) -> StudyFile:
     file = StudyFile(path=path, spec=spec, lines=lines, systems=())
     if bool(spec.recipe) == bool(spec.recipes):
         raise RecipeError(f"{path}: a study has a `recipe`, or a list of `recipes`")
+    begin, end = spec.record.from_s, spec.record.to_s
+    if end is not None and end <= begin:
+        raise RecipeError(
+            f"{file.place('record', 'to_s')}: record.to_s: {end:g} s, must be after from_s, "
+            f"{begin:g} s"
+        )
     try:
         found = [_system(name, path.parent) for name in spec.systems]
         binaries = [f"{name}={place}" for name, place in spec.binaries.items()]

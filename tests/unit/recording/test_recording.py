@@ -271,6 +271,7 @@ def test_bad_orders_are_refused_before_anything_is_written(world, tmp_path):
         ({"begin": 0.1, "end": 0.2}, tf.OutputError, r"'eye' measures nothing between 0\.1 and"),
         ({"workers": 0}, tf.OutputError, "--workers 0: at least 1"),
         ({"still_s": -1.0}, RecipeError, r"dataset\.still_s: .*greater than or equal to 0"),
+        ({"formats": ("kitti", "kitti")}, RecipeError, "a format is named twice"),
     )
     for changes, kind, told in refused:
         with pytest.raises(kind, match=told):
@@ -279,6 +280,8 @@ def test_bad_orders_are_refused_before_anything_is_written(world, tmp_path):
     short = arc.replace(time=arc.time[:2], position=arc.position[:2], rpy=arc.rpy[:2])
     with pytest.raises(tf.OutputError, match=r"lasts 0\.0833 s, sensor 'eye' takes 0\.5 s"):
         tf.record(world.replace(trajectories=(short,)), tmp_path, still_s=0.0, ramp_s=0.0)
+    with pytest.raises(RecipeError, match="the world has no path that the rover could"):
+        tf.record(world.replace(trajectories=()), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -161,6 +161,10 @@ def test_a_rig_that_the_rover_brings_has_factors_too(written, tmp_path):
         (("wheel-odometry", "wheel-odometer"), r":8: systems: unknown system .*did you mean"),
         (("recipe: plain.yaml", "recipe: none.yaml"), r"none.yaml"),
         (("recipe: plain.yaml", "recipes: []"), r"a study has a `recipe`, or a list of `recipes`"),
+        (
+            ("seeds: 2", "seeds: 2\n    record: {from_s: 5, to_s: 5}"),
+            r"slip.yaml:8: record.to_s: 5 s, must be after from_s, 5 s",
+        ),
         (("score:", "scores:"), r"slip.yaml:9: scores: unknown key.*did you mean 'score'"),
         (("set: {sun.azimuth_deg: 100}", "set: {sun.azimuth: 100}"), r":3: set: .*'azimuth'"),
     ],
