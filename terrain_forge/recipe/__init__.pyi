@@ -26,6 +26,8 @@ from .limits import rocks_of as rocks_of
 from .limits import tile_cells as tile_cells
 from .renames import RENAMES as RENAMES
 from .renames import current_json as current_json
+from .renames import members as members
+from .renames import numbered as numbered
 from .schema import DriveSpec as DriveSpec
 from .schema import Recipe as Recipe
 from .schema import StartsSpec as StartsSpec

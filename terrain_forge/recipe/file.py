@@ -28,7 +28,7 @@ from terrain_forge.base import (
     read_text,
 )
 from terrain_forge.recipe.idle import idle_keys, remove_idle, warn_idle
-from terrain_forge.recipe.renames import current_key, rename_keys, warn_renamed
+from terrain_forge.recipe.renames import current_key, numbered, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter
 
 MAX_RECIPE = 2**20
@@ -254,9 +254,9 @@ def _apply(data: Any, change: str) -> Key:
     """Put one `key=value` of the command line into the data; returns the key."""
     name, equals, text = change.partition("=")
     words = name.strip().replace("[", ".").replace("]", "").split(".")
-    given = tuple(int(word) if word.isdecimal() else word for word in words)
     if not equals or not all(words):
         raise RecipeError(f"--set {change}: must be key=value, such as terrain.spacing_m=0.25")
+    given = numbered(data, words)
     keys = current_key(data, given)
     for n, (old, new) in enumerate(zip(given, keys, strict=True)):
         if old != new:

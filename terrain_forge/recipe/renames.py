@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -74,6 +74,26 @@ def current_key(data: Any, key: Key) -> Key:
                 step = rename.new
         now = (*now, step)
     return now
+
+
+def members(items: Sequence[Any], word: str) -> list[int]:
+    """Which elements of a list a word names: by number, or by their `name` or else their `kind`."""
+    if word.isdecimal():
+        return [int(word)] if int(word) < len(items) else []
+    named = [one.get("name", one.get("kind")) if isinstance(one, dict) else None for one in items]
+    return [number for number, name in enumerate(named) if name == word]
+
+
+def numbered(data: Any, words: Sequence[str]) -> Key:
+    """A key's words, with numbers for elements of lists, which may be called by their names."""
+    key: list[int | str] = []
+    for word in words:
+        named = members(data, word) if isinstance(data, list) else []
+        step = named[0] if len(named) == 1 else int(word) if word.isdecimal() else word
+        inside = isinstance(data, list) and len(named) == 1
+        data = data[step] if inside else data.get(word) if isinstance(data, dict) else None
+        key.append(step)
+    return tuple(key)
 
 
 def current_json(text: str, file: Path) -> str:

@@ -93,8 +93,9 @@ class WorldsSpec(Spec):
         default_factory=dict
     )
     """What differs, by the key that it has in the recipe, such as
-    `rocks.populations.0.size_frequency.k: {uniform: [0.02, 0.1]}`. `dtm.centre: anywhere` is any
-    place of the DTM. Each world has a seed of its own in any case."""
+    `rocks.populations.0.size_frequency.k: {uniform: [0.02, 0.1]}`; elements of lists are told by
+    their number or their name. `dtm.centre: anywhere` is any place of the DTM. Each world has a
+    seed of its own in any case."""
     difficulty: DifficultySpec | None = None
     """A difficulty of each world and what it changes; `{}` for the usual; none if left out."""
     arrival: ArrivalSpec = ArrivalSpec()

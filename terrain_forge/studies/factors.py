@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import Key, RecipeError
-from terrain_forge.recipe import RecipeFile, load_recipe, read_mapping
+from terrain_forge.recipe import RecipeFile, load_recipe, members, read_mapping
 from terrain_forge.rovers import rig_of
 from terrain_forge.studies.spec import StudyFile
 
@@ -223,16 +223,7 @@ def _steps(node: Any, word: str) -> list[tuple[str | int, Any]]:
     """The children of a node that a word names."""
     if isinstance(node, dict):
         return [(word, node[word])] if word in node else []
-    if not isinstance(node, list):
-        return []
-    if word.isdecimal():
-        return [(int(word), node[int(word)])] if int(word) < len(node) else []
-    return [(n, child) for n, child in enumerate(node) if _name_of(child) == word]
-
-
-def _name_of(node: Any) -> str:
-    told = node.get("name", node.get("kind", "")) if isinstance(node, dict) else ""
-    return str(told)
+    return [(n, node[n]) for n in members(node, word)] if isinstance(node, list) else []
 
 
 def _children(node: Any) -> list[tuple[str | int, Any]]:

@@ -28,6 +28,8 @@ from terrain_forge.recipe import (
     Recipe,
     Variation,
     WorldsSpec,
+    members,
+    numbered,
     recipe_from_json,
     recipe_json,
 )
@@ -107,7 +109,7 @@ def require_drawable(recipe: Recipe) -> None:
         where = ("worlds", "vary", key)
         if not _is_drawn(wish, where):
             continue
-        place = dotted(tuple(int(word) if word.isdecimal() else word for word in key.split(".")))
+        place = dotted(numbered(_plain(recipe), key.split(".")))
         steps = len(wish.choice or (0, 1)) - 1
         for step in range(steps + 1):
             chance, plain = step / max(steps, 1), _plain(recipe)
@@ -205,13 +207,14 @@ def _put(plain: dict[str, Any], name: str, value: Any, where: Key) -> None:
     words = name.split(".")
     for depth, word in enumerate(words):
         if isinstance(target, list):
-            if not word.isdecimal() or int(word) >= len(target):
+            named = members(target, word)
+            if len(named) != 1:
                 raise RecipeError(
-                    f"{'.'.join(words[:depth])} has {len(target)} members, counted from 0; "
-                    f"found {word!r}",
+                    f"{'.'.join(words[:depth])} has {len(target)} members, counted from 0 or by "
+                    f"their names; found {word!r}",
                     key=where,
                 )
-            step: int | str = int(word)
+            step: int | str = named[0]
         elif isinstance(target, dict) and word in target:
             step = word
         else:

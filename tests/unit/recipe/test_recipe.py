@@ -191,6 +191,11 @@ def test_changes_of_the_command_line(tmp_path):
     assert recipe.terrain.spacing_m == 0.2
     assert recipe.rocks.populations[1].diameter_m == (0.6, 1.0)
     assert recipe.seed == 7
+    name = recipe.rocks.populations[1].name
+    changes = (f"rocks.populations.{name}.diameter_m=[0.6, 1.0]",)
+    assert load_recipe(path, changes=changes).recipe.rocks.populations[1].diameter_m == (0.6, 1.0)
+    with pytest.raises(RecipeError, match=r"there is no place 'rocks\.populations\.none\.k'"):
+        load_recipe(path, changes=("rocks.populations.none.k=1",))
     for bad in ("terrain.spacing_m", "rocks.populations.9.name=x", "name.deep=1", "=3"):
         with pytest.raises(RecipeError, match="--set"):
             load_recipe(path, changes=(bad,))

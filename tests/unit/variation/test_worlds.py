@@ -171,7 +171,7 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
 def test_check_tells_what_differs(tmp_path: Path) -> None:
     def both(plain: dict[str, Any]) -> None:
         """Sizes that only together are sizes: the smallest is above the recipe's largest."""
-        key = "rocks.populations.0.diameter_m"
+        key = f"rocks.populations.{plain['rocks']['populations'][0]['name']}.diameter_m"
         plain["worlds"]["vary"] |= {
             f"{key}.0": {"uniform": [0.9, 1.0]},
             f"{key}.1": {"choice": [2.0]},
