@@ -12,12 +12,12 @@ KEY, COUNT, SPACING = np.uint64(77), 60_000, 0.25
 
 
 @njit
-def grain_at(places, share, sun, pixel):
+def grain_at(places, share, sun, pixel, slabs=0.0):
     """Brightness, shadow, rise east and north at places [m], shape [n, 4]."""
     found = np.empty((len(places), 4))
     for n in range(len(places)):
         found[n] = ground_grain(
-            KEY, (share, 1.0, 0.0), sun[0], sun[1], places[n, 0], places[n, 1], SPACING, pixel
+            KEY, (share, 1.0, slabs), sun[0], sun[1], places[n, 0], places[n, 1], SPACING, pixel
         )
     return found
 
@@ -61,3 +61,14 @@ def test_shadows_lie_on_the_side_that_the_sun_does_not_see():
 
 def test_ground_without_pebbles_has_no_shadows():
     assert grain_at(places(), 0.0, (3.0, 0.0), 0.002)[:, 1].max() == 0.0
+
+
+def test_slabs_fade_where_pixels_are_as_large():
+    """Else each pixel would have the colour of another slab: noise, far away."""
+    here = places()[:20_000]
+    added = [
+        np.std(grain_at(here, 0.0, (1.0, 0.0), pixel, 1.0) - grain_at(here, 0.0, (1.0, 0.0), pixel))
+        for pixel in (0.1, 0.45, 0.62, 3.0)
+    ]
+    assert added[0] > 2.0 * added[1] > 0.0
+    assert added[2:] == [0.0, 0.0]
