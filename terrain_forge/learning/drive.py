@@ -216,9 +216,10 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         """
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
-        ahead, aside = (min(max(float(one), -1.0), 1.0) for one in action)
-        if math.isnan(sum(map(float, action))):
+        given = [float(one) for one in np.ravel(action)]
+        if len(given) != 2 or math.isnan(sum(given)):
             raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
+        ahead, aside = (min(max(one, -1.0), 1.0) for one in given)
         self._action = ahead, aside
         speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)

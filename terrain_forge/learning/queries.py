@@ -112,6 +112,7 @@ class Grounds:
     def _nodes(self, east: Any, north: Any, add: float) -> tuple[Any, Any]:
         """Row and column of a node at each point, at most the last ones."""
         rows, columns = self.elevation.shape[1:]
+        east, north = _number(east), _number(north)
         column = ((east - self.origin[0]) / self.spacing + add).clip(0, columns - 1)
         row = ((north - self.origin[1]) / self.spacing + add).clip(0, rows - 1)
         return _whole(row), _whole(column)
@@ -119,12 +120,18 @@ class Grounds:
     def _cell(self, world: Any, east: Any, north: Any) -> tuple[tuple[Any, ...], Any, Any]:
         """Heights of the corners of the cell under each point, and where in it the point lies."""
         rows, columns = self.elevation.shape[1:]
+        east, north = _number(east), _number(north)
         x = ((east - self.origin[0]) / self.spacing).clip(0, columns - 1)
         y = ((north - self.origin[1]) / self.spacing).clip(0, rows - 1)
         i, j = _whole(x.clip(0, columns - 2)), _whole(y.clip(0, rows - 2))
         z = self.elevation
         corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
         return corners, x - i, y - j
+
+
+def _number(values: Any) -> Any:
+    """The same, a number of Python's as one of NumPy's."""
+    return np.float64(values) if isinstance(values, int | float) else values
 
 
 def _whole(values: Any) -> Any:

@@ -213,15 +213,15 @@ def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
         raise RecipeError(
             f"from {smallest:g} to {largest:g} m: the first must be the smaller", key=key
         )
-    why = "that is expected once on this area"
+    why = "the largest that is expected on this area"
     if site.dtm is not None:
-        why = f"that is {UNRESOLVED:g} postings of the DTM, which shows larger ones itself"
+        why = f"{UNRESOLVED:g} postings of the DTM, which shows larger ones itself"
     ends = f"smallest {smallest:g} m", f"largest {largest:g} m"
     found = ", ".join(
         f"{end}{'' if value is not None else ' (by default)'}"
         for end, value in zip(ends, given, strict=True)
     )
-    raise RecipeError(f"no craters between: {found}; by default the largest is {why}", key=key)
+    raise RecipeError(f"no craters between: {found}; the default is {why}", key=key)
 
 
 def _check_list(table: Table, site: Site, key: Key) -> None:

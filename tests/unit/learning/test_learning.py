@@ -199,11 +199,12 @@ def test_a_reset_goes_to_the_world_that_is_named(made):
         env.reset(options={"worlds": 1})
 
 
-def test_an_action_that_is_no_number_is_refused(made):
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0], [0.0, 0.0, 0.0]])
+def test_an_action_that_is_not_two_numbers_is_refused(made, action):
     env = make(made)
     env.reset(seed=1)
     with pytest.raises(ValueError, match="expected two numbers"):
-        env.step(np.array([np.nan, 0.0]))
+        env.step(np.array(action))
 
 
 def test_difficulty_can_rise_while_one_learns(made):
@@ -244,6 +245,10 @@ def test_batched_queries_equal_those_of_each_world(made):
     loaded = [tf.World.load(folder) for folder in made.folders]
     n, x, y = points(made)
     height = grounds.height_at(n, x, y)
+    assert grounds.height_at(1, float(x[1]), float(y[1])) == pytest.approx(
+        grounds.height_at(np.array([1]), x[1:2], y[1:2])[0]
+    )
+    assert grounds.top_at(0, 0.0, 0) >= grounds.height_at(0, 0.0, 0) - 0.1
     for number, world in enumerate(loaded):
         own = n == number
         assert height[own] == pytest.approx(world.ground.height_at(x[own], y[own]), abs=1e-6)
