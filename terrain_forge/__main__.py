@@ -1,6 +1,16 @@
 """`python -m terrain_forge` is `terrain-forge`."""
 
-from terrain_forge.cli import run
+import signal
+
+
+def run() -> None:
+    """Run the command line; an interrupt before it listens ends the process without a traceback."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from terrain_forge.cli import run as run_cli
+
+    run_cli()
+
 
 if __name__ == "__main__":
     run()

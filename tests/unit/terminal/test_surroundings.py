@@ -72,6 +72,27 @@ def test_an_interrupt_before_a_command_begins_is_one_line(monkeypatch):
     assert done.stderr == "interrupted, nothing was left behind\n"
 
 
+_EARLY = """
+import os, signal, sys
+from importlib.abc import MetaPathFinder
+
+class Interrupting(MetaPathFinder):
+    def find_spec(self, name, *_):
+        if name == "click":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from terrain_forge.__main__ import run
+run()
+"""
+
+
+def test_an_interrupt_before_the_command_line_is_there_has_no_traceback():
+    done = subprocess.run([sys.executable, "-c", _EARLY], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
+
+
 def test_no_more_memory_is_the_systems_fault(monkeypatch):
     def refuse(*_):
         raise MemoryError("Unable to allocate 7 GiB")
