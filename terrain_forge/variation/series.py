@@ -35,6 +35,7 @@ from terrain_forge.base import (
 from terrain_forge.building import (
     chosen_exports,
     holding,
+    read_manifest,
     require_apart,
     write_export,
     write_manifest,
@@ -61,6 +62,8 @@ from terrain_forge.variation.sharing import drop_unshared, share
 ORDER, TABLE, POOL, SUMMARY = "worlds.json", "worlds.csv", "shared", "drawn.json"
 FORMAT = 1
 _BEGUN = ".begun-"
+_SHOWN = 60
+"""Characters of a value that a message shows."""
 _PICTURE = 256
 """Pixels a side of the ground's pictures, where the recipe does not tell."""
 
@@ -136,6 +139,8 @@ def worlds(
         for left in out.glob(f"{_BEGUN}*"):
             shutil.rmtree(left)
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
+        for n in sorted({*range(count)} - {*missing}):
+            _require_whole(out / name_of(n))
         if missing:
             compile_ahead(progress)
         task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)
@@ -217,7 +222,34 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
     for key in wanted:
         if not isinstance(found, dict) or found.get(key) != wanted[key]:
             what = {"exports": "other exports"}.get(key, f"another {key}")
+            if isinstance(found, dict) and isinstance(found.get(key), dict):
+                what += _difference(found[key], wanted[key])
             raise OutputError(f"{out} holds worlds of {what}: choose another folder")
+
+
+def _difference(theirs: dict[str, Any], mine: dict[str, Any]) -> str:
+    """The first key in which two recipes differ."""
+    for key, value in mine.items():
+        other = theirs.get(key)
+        if other != value:
+            if isinstance(other, dict) and isinstance(value, dict):
+                return f" ({key}{_difference(other, value).replace(' (', '.', 1)}"
+            return f" ({key}: {str(other)[:_SHOWN]}, not {str(value)[:_SHOWN]})"
+    return ""
+
+
+def _require_whole(world: Path) -> None:
+    """Refuse a world of which files are gone; whether they were changed, `validate` tells.
+
+    Raises:
+        OutputError: names the first, and how the world is made again.
+    """
+    gone = [name for name in read_manifest(world)["outputs"] if not (world / name).is_file()]
+    if gone:
+        raise OutputError(
+            f"{world} is not whole, {gone[0]} is missing: remove {world.name}, and the same "
+            "command makes it again"
+        )
 
 
 def _make(

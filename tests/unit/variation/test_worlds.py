@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -246,14 +247,29 @@ def test_goals_lie_within_the_world(tmp_path: Path) -> None:
 def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> None:
     before = contents(made)
     other = recipe(tmp_path, lambda plain: plain.update(seed=4))
-    with pytest.raises(tf.OutputError, match="another recipe"):
+    with pytest.raises(tf.OutputError, match=r"another recipe \(seed: \d+, not 4\)"):
         worlds(other, made)
+    steep = recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.5))
+    with pytest.raises(tf.OutputError, match=r"recipe \(terrain\.spacing_m: .*, not 0\.5\)"):
+        worlds(steep, made)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
         worlds(other, tmp_path / "mine")
     assert contents(made) == before
     assert read_summary(made / name_of(1))["number"] == 1
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "truth/rocks.csv"])
+def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path, name: str) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made, out)
+    (out / name_of(1) / name).unlink()
+    with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not .*{name}"):
+        worlds(recipe(tmp_path), out)
+    shutil.rmtree(out / name_of(1))
+    assert worlds(recipe(tmp_path), out).made == 1
+    assert contents(out) == contents(made)
 
 
 def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: Path) -> None:
