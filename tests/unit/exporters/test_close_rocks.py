@@ -2,6 +2,7 @@
 
 import json
 import struct
+from functools import cache
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -97,20 +98,31 @@ FORMATS = {
 }
 
 
+@pytest.fixture(scope="module")
+def exported(world, tmp_path_factory):
+    """Folders of exports, each made once."""
+
+    @cache
+    def make(name, within):
+        export, options, _, _ = FORMATS[name]
+        folder = tmp_path_factory.mktemp(name)
+        export(world, folder, options=options(close_within_m=within))
+        return folder
+
+    return make
+
+
 @pytest.mark.parametrize("name", FORMATS)
-def test_exports_draw_them_close(world, tmp_path, name):
-    export, options, found_in, least = FORMATS[name]
+def test_exports_draw_them_close(world, exported, name):
+    *_, found_in, least = FORMATS[name]
     single = set(world.field.id[world.field.diameter >= least].tolist())
     for within in (4.0, 0.0):
-        folder = tmp_path / str(within)
-        folder.mkdir()
-        export(world, folder, options=options(close_within_m=within))
+        folder = exported(name, within)
         assert found_in(folder) == near(world, within) & single if within else not found_in(folder)
 
 
-def test_the_library_holds_the_close_mesh(world, tmp_path):
-    export_usd(world, tmp_path, options=UsdOptions(close_within_m=4.0))
-    stage = Usd.Stage.Open(str(tmp_path / "assets/rock_library.usdc"))
+def test_the_library_holds_the_close_mesh(world, exported):
+    stage = Usd.Stage.Open(str(exported("usd", 4.0) / "assets/rock_library.usdc"))
     for number in {*world.field.prototype[np.isin(world.field.id, [*near(world, 4.0)])].tolist()}:
         mesh, uvs = skin(world.library.prototypes[number], CLOSE)
         path = f"/rock_library/shape_{number:03}_close/shape"
