@@ -2,7 +2,7 @@
 
 import json
 import struct
-from functools import cache
+from functools import cache, partial
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -52,11 +52,11 @@ def near(world, within):
 
 
 def test_rocks_are_near_by_their_edge(world):
-    found = seen_close(world, within=4.0)
-    assert set(found.tolist()) == near(world, 4.0)
+    found = seen_close(world, within=1.5)
+    assert set(found.tolist()) == near(world, 1.5)
     assert 2 < len(found) < len(world.field)
     assert not len(seen_close(world, within=0.0))
-    assert not len(seen_close(world.replace(trajectories=()), within=4.0))
+    assert not len(seen_close(world.replace(trajectories=()), within=1.5))
 
 
 def in_usd(folder):
@@ -92,9 +92,9 @@ def in_glb(folder):
 
 
 FORMATS = {
-    "usd": (export_usd, UsdOptions, in_usd, 0.0),
+    "usd": (export_usd, partial(UsdOptions, texture_pixels=32), in_usd, 0.0),
     "sdf": (export_sdf, SdfOptions, in_sdf, 0.5),
-    "glb": (export_glb, GlbOptions, in_glb, 0.0),
+    "glb": (export_glb, partial(GlbOptions, texture_pixels=32), in_glb, 0.0),
 }
 
 
@@ -116,14 +116,14 @@ def exported(world, tmp_path_factory):
 def test_exports_draw_them_close(world, exported, name):
     *_, found_in, least = FORMATS[name]
     single = set(world.field.id[world.field.diameter >= least].tolist())
-    for within in (4.0, 0.0):
+    for within in (1.5, 0.0):
         folder = exported(name, within)
         assert found_in(folder) == near(world, within) & single if within else not found_in(folder)
 
 
 def test_the_library_holds_the_close_mesh(world, exported):
-    stage = Usd.Stage.Open(str(exported("usd", 4.0) / "assets/rock_library.usdc"))
-    for number in {*world.field.prototype[np.isin(world.field.id, [*near(world, 4.0)])].tolist()}:
+    stage = Usd.Stage.Open(str(exported("usd", 1.5) / "assets/rock_library.usdc"))
+    for number in {*world.field.prototype[np.isin(world.field.id, [*near(world, 1.5)])].tolist()}:
         mesh, uvs = skin(world.library.prototypes[number], CLOSE)
         path = f"/rock_library/shape_{number:03}_close/shape"
         drawn = UsdGeom.Mesh(stage.GetPrimAtPath(path))
@@ -138,7 +138,7 @@ def test_what_is_touched_stays(world, small_world, tmp_path):
     files = []
     for number, one in enumerate((world, small_world)):
         (tmp_path / str(number)).mkdir()
-        export_sdf(one, tmp_path / str(number), options=SdfOptions(close_within_m=4.0))
+        export_sdf(one, tmp_path / str(number), options=SdfOptions(close_within_m=1.5))
         (file,) = (tmp_path / str(number)).glob("models/*_rocks/model.sdf")
         root = ET.parse(file).getroot()
         files.append([ET.tostring(collision) for collision in root.iter("collision")])

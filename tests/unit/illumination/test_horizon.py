@@ -175,7 +175,7 @@ def test_horizon_maps_serve_many_moments(pole, tmp_path):
     file, _ = pole
     site = plan(file.recipe, folder=file.folder)
     source = Source(dtm=file.recipe.dtm, folder=file.folder)
-    period = {"begin": "2030-08-01", "end": "2030-08-29", "step": "1d", "size": (160.0, 160.0)}
+    period = {"begin": "2030-08-01", "end": "2030-08-29", "step": "1d", "size": (80.0, 80.0)}
     folders = [tmp_path / "exact", tmp_path / "map"]
     for folder, azimuths in zip(folders, (720, 24), strict=True):
         illuminate(site, source, folder, Wish(**period, azimuths=azimuths))

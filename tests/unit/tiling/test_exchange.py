@@ -75,6 +75,7 @@ def test_a_tile_that_is_damaged_on_its_way_is_named_and_made_again(
     assert contents(out) == contents(built)
 
 
+@pytest.mark.slow
 def test_an_interrupted_build_goes_on(built, site, store, scheduler, tmp_path):
     out, address = tmp_path / "six", "memory://tiles"
 

@@ -260,13 +260,13 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     assert read_summary(made / name_of(1))["number"] == 1
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "truth/rocks.csv"])
-def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path, name: str) -> None:
+def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     shutil.copytree(made, out)
-    (out / name_of(1) / name).unlink()
-    with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not .*{name}"):
-        worlds(recipe(tmp_path), out)
+    for name in ("truth/rocks.csv", "manifest.json"):
+        (out / name_of(1) / name).unlink()
+        with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not .*{name}"):
+            worlds(recipe(tmp_path), out)
     shutil.rmtree(out / name_of(1))
     assert worlds(recipe(tmp_path), out).made == 1
     assert contents(out) == contents(made)
