@@ -20,9 +20,7 @@ def fuzz(*arguments: str, keep) -> str:
 
 def test_what_once_broke_something_and_a_few_more(tmp_path):
     kinds = ("--kind", "recipes", "--kind", "files")
-    found = fuzz(
-        "--corpus", "--inputs", "4", "--seed", "1", *kinds, "--builds", "0", keep=tmp_path
-    )
+    found = fuzz("--corpus", "--inputs", "4", "--seed", "1", *kinds, "--builds", "0", keep=tmp_path)
     assert "0 findings" in found
 
 
