@@ -72,7 +72,7 @@ class Kills:
             ended = trial.run(command, folder, **LIMITS, before=lambda: at_step(step, act, writes))
             allowed = [0, 1, 3] if writes else [0, 1, 130]
         found = []
-        if ended.status not in (-signal.SIGKILL, -signal.SIGTERM):  # the latter before it listens
+        if ended.status not in [-one for one in _SIGNALS]:  # two of them before it listens
             found = trial.faults(ended, allowed=allowed, **LIMITS)
         if ended.status != -signal.SIGKILL and kind != "refusal":  # which tidying may meet too
             found += _left(folder)

@@ -154,7 +154,7 @@ def _be_command(
         warnings.resetwarnings()
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
             warnings.simplefilter("ignore", kind)
-        from terrain_forge.cli import run as be_command
+        from terrain_forge.__main__ import run as be_command
 
         sys.argv = ["terrain-forge", *arguments]
         if before is not None:
