@@ -75,7 +75,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             this name can be set, for a curriculum; the next reset goes by it.
         numbers: Only worlds of these numbers, such as those to train on.
         distance_m: From start to goal.
-        speed_m_s: Speed of the action 1.
+        speed_m_s: Speed of the action 1, at most the rover's own limit.
         sight: What it sees of the ground ahead: `heights`, `depth`, or `none`.
         render_mode: `rgb_array` for pictures, which need OpenGL: without a display set the
             environment variable MUJOCO_GL to egl or osmesa before Python begins.
@@ -116,6 +116,9 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         self._limit = 4.0 * distance_m / speed_m_s
         self.arena = load_arena(self.folders[0])
         """The world that it drives in."""
+        fastest = self.arena.rover.speed_limit
+        if speed_m_s > fastest:
+            raise ValueError(f"speed_m_s: {speed_m_s:g} is above the rover's {fastest:g} m/s")
         self.parts = find_parts(self.arena.model, self.arena.rover)
         """Where MuJoCo holds the rover."""
         wheels = len(self.arena.rover.wheels)

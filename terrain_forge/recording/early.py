@@ -23,7 +23,7 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
         RecipeError: for the first that is wrong.
     """
     if recipe.dataset is not None:
-        _require_formats(recipe.dataset, rover)
+        require_formats(recipe.dataset, rover)
     listed = recipe.sensors or ()
     key: tuple[str, ...] = ("sensors",)
     if isinstance(listed, MoreSensors):
@@ -35,8 +35,12 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
             raise RecipeError(str(error), key=(*key, number, "position_m")) from None
 
 
-def _require_formats(spec: DatasetSpec, rover: Rover) -> None:
-    """Refuse formats that need what the rover does not carry."""
+def require_formats(spec: DatasetSpec, rover: Rover) -> None:
+    """Refuse formats that need what the rover does not carry, or what is not recorded.
+
+    Raises:
+        RecipeError: for the first such format.
+    """
     rig = simple_sensors(as_recorded(rover.sensors, spec))
     cameras = [one for one in rig if isinstance(one, CameraSensor)]
     there = {

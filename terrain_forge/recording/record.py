@@ -18,6 +18,7 @@ from terrain_forge.building import holding
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import seconds_of
+from terrain_forge.recording.early import require_formats
 from terrain_forge.recording.formats import formats_of, write_formats
 from terrain_forge.recording.index import dataset_folder, write_index
 from terrain_forge.recording.order import Order
@@ -81,6 +82,8 @@ def record_dataset(
     folder = dataset_folder(out)
     rigged = with_rig(world, spec)
     order.require_named(rigged.rover.sensors)
+    if order.all_formats:
+        require_formats(spec, rigged.rover)
     plan = plan_of(rigged, spec)
     differing = differences(folder, plan)
     if not order.force:

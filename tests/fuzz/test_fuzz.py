@@ -18,6 +18,7 @@ def fuzz(*arguments: str, keep) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_what_once_broke_something_and_a_few_more(tmp_path):
     kinds = ("--kind", "recipes", "--kind", "files")
     found = fuzz("--corpus", "--inputs", "4", "--seed", "1", *kinds, "--builds", "0", keep=tmp_path)

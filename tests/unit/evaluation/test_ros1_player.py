@@ -125,6 +125,7 @@ def _require_truth(run, place):
     assert np.ptp(truth.quaternion, axis=0).min() > 1e-4  # it turns about all axes
 
 
+@pytest.mark.slow
 def test_a_workspace_is_sourced_launched_and_played_to(ros):
     run, place = ros
     result, log = run("a-loam", _workspace(place / "my catkin"))
@@ -180,6 +181,7 @@ def test_none_of_its_programs_outlives_the_timeout(ros):
         ("folder", "has no devel/setup.bash, install/setup.bash or setup.bash"),
     ],
 )
+@pytest.mark.slow
 def test_what_goes_wrong_is_told(ros, program, why):
     run, place = ros
     binary = place / "program"

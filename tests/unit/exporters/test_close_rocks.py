@@ -113,6 +113,7 @@ def exported(world, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.slow
 def test_exports_draw_them_close(world, exported, name):
     *_, found_in, least = FORMATS[name]
     single = set(world.field.id[world.field.diameter >= least].tolist())

@@ -176,6 +176,7 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         ({"sight": "height"}, "sight: .*did you mean 'heights'"),
         ({"sight": None}, "sight: "),
         ({"speed_m_s": -1.0}, "speed_m_s: "),
+        ({"speed_m_s": 50.0}, "speed_m_s: 50 is above the rover's "),
         ({"distance_m": float("nan")}, "distance_m: "),
         ({"difficulty": (0.2, 7.0)}, r"difficulty\[1\]: "),
         ({"difficulty": 0.5}, "difficulty: "),

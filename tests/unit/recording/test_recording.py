@@ -272,6 +272,8 @@ def test_bad_orders_are_refused_before_anything_is_written(world, tmp_path):
         ({"workers": 0}, tf.OutputError, "--workers 0: at least 1"),
         ({"still_s": -1.0}, RecipeError, r"dataset\.still_s: .*greater than or equal to 0"),
         ({"formats": ("kitti", "kitti")}, RecipeError, "a format is named twice"),
+        ({"formats": ("lusnar",)}, RecipeError, "'lusnar' needs two cameras, and the rover has "),
+        ({"formats": ("tum",), "profile": "quick"}, RecipeError, "needs depth, .*profile: full"),
     )
     for changes, kind, told in refused:
         with pytest.raises(kind, match=told):

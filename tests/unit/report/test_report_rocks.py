@@ -31,6 +31,7 @@ LISTED = "{name: mapped, file: rocks.csv}"
     ],
     ids=["none", "law", "list", "both"],
 )
+@pytest.mark.slow
 def test_worlds_of_any_sources_have_a_page(tmp_path, populations, lists, shown):
     (tmp_path / "rocks.csv").write_text("x_m,y_m,diameter_m\n1,1,0.6\n-2,-1,0.4\n")
     recipe = RECIPE.replace("POPULATIONS", populations).replace("LISTS", lists)

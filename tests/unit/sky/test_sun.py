@@ -106,6 +106,7 @@ def recipe(**sun) -> tf.Recipe:
     )
 
 
+@pytest.mark.slow
 def test_a_date_lights_a_world():
     world = tf.realise(tf.plan(recipe(time="2021-02-18T20:55:00Z")))
     light = world.lighting

@@ -38,6 +38,7 @@ def rocks_in(out: Path) -> list[dict[str, str]]:
     return [row for path in tables for row in csv.DictReader(path.read_text().splitlines())]
 
 
+@pytest.mark.slow
 def test_rasters_of_all_tiles_are_those_of_one_world(built, whole):
     for name, wanted in (
         ("elevation", whole.ground.elevation),

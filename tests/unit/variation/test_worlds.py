@@ -89,6 +89,7 @@ def test_any_format_is_made_with_what_the_series_chooses(kind: str, tmp_path: Pa
     assert kind not in {"usd", "glb"} or order.options.texture_pixels == 256
 
 
+@pytest.mark.slow
 def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -> None:
     path, out = recipe(tmp_path), tmp_path / "out"
     worlds(path, out, count=1, workers=0)
