@@ -14,6 +14,7 @@ import time
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -91,9 +92,15 @@ def _machine() -> tuple[float, dict[str, float]]:
             stages = {str(stage): float(part) for stage, part in found["stages"].items()}
             if all(1.0 / FARTHEST <= part <= FARTHEST for part in stages.values()):
                 return float(found["pace"]), stages
-    measured = min(_work() for _ in range(5)) / CALIBRATED
+    measured = _measured()
     _keep(measured, {})
     return measured, {}
+
+
+@cache
+def _measured() -> float:
+    """How much slower this machine is, by this process."""
+    return min(_work() for _ in range(5)) / CALIBRATED
 
 
 def learn(

@@ -58,12 +58,17 @@ class Scope:
     def __str__(self) -> str:
         return "a namespace"
 
+    def _holder(self, name: str) -> Scope | None:
+        scope: Scope | None = self
+        while scope is not None and name not in scope._values:
+            scope = scope._above
+        return scope
+
     def __contains__(self, name: str) -> bool:
-        return any(name in scope._values for scope in self._chain())
+        return self._holder(name) is not None
 
     def __getitem__(self, name: str) -> Value:
-        holder = next((scope for scope in self._chain() if name in scope._values), None)
-        if holder is None:
+        if (holder := self._holder(name)) is None:
             raise KeyError(name)
         value = holder._values[name]
         if isinstance(value, _Lazy):

@@ -343,9 +343,10 @@ def _find_macro(tag: str, frame: _Frame) -> tuple[_Macro, Scope, Scope]:
         if space not in names or space not in macros:
             raise ValueError(f"<xacro:{tag[:80]}>: there is no namespace {space[:80]!r}")
         names, macros = names[space], macros[space]
-    if name not in macros or not isinstance(macros[name], _Macro):
+    macro = macros[name] if name in macros else None
+    if not isinstance(macro, _Macro):
         raise ValueError(f"<xacro:{tag[:80]}>: there is no macro of that name")
-    return macros[name], names, macros
+    return macro, names, macros
 
 
 def _attribute(element: Element, name: str) -> str:
