@@ -101,13 +101,15 @@ def names_of_door(package: str) -> dict[str, str]:
 
 
 def loaded(tree: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but those of `if TYPE_CHECKING:`."""
-    apart: set[ast.AST] = set()
-    for node in ast.walk(tree):  # from the outside in
+    """All statements but those of `if TYPE_CHECKING:`."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
         if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
-            apart.update(ast.walk(node))
-        if node not in apart:
-            yield node
+            continue
+        yield node
+        for block in ("body", "handlers", "cases", "orelse", "finalbody"):
+            waiting.extend(getattr(node, block, ()))
 
 
 def imported(path: Path, package: str) -> Iterator[tuple[str, str]]:

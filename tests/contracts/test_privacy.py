@@ -17,14 +17,15 @@ SPECIFIED = {"_replace", "_asdict", "_fields", "_make", "_exit", "_repr_html_"}
 
 def reached(tree):
     """Private names of our package that a module imports, reads or patches."""
+    nodes = [*ast.walk(tree)]
     ours = {
         alias.asname or alias.name
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, (ast.Import, ast.ImportFrom))
         for alias in node.names
         if "terrain_forge" in (getattr(node, "module", None) or alias.name)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and "terrain_forge" in (node.module or ""):
             yield from (alias.name for alias in node.names if PRIVATE.match(alias.name))
         elif isinstance(node, ast.Attribute) and PRIVATE.match(node.attr):

@@ -49,11 +49,11 @@ def fresh(site: Path, *, anew: bool = False) -> Iterator[None]:
                 make_small(small)
                 yield
         finally:
+            theirs = str(site / "_")[:-1]
             _imported[site] = {
                 name: sys.modules.pop(name)
                 for name, module in list(sys.modules.items())
-                if _is_ours(name)
-                or Path(getattr(module, "__file__", "") or "").is_relative_to(site)
+                if _is_ours(name) or (getattr(module, "__file__", "") or "").startswith(theirs)
             }
             sys.modules.update(kept)
 
