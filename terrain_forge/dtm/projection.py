@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -14,12 +14,25 @@ from terrain_forge.base import Array, DataError, portable
 
 def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:
     """Coordinates in the CRS `target` (WKT) of points in the CRS `source`, of any shape."""
+    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    warp = _warp_few if x.size <= _FEW else _warp
+    out = warp(source, target, tuple(x.ravel().tolist()), tuple(y.ravel().tolist()))
+    return np.reshape(out[0], x.shape), np.reshape(out[1], x.shape)
+
+
+def _warp(
+    source: str, target: str, x: tuple[float, ...], y: tuple[float, ...]
+) -> tuple[list[float], list[float]]:
     from rasterio.crs import CRS
     from rasterio.warp import transform as warp
 
-    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    out = warp(CRS.from_wkt(source), CRS.from_wkt(target), x.ravel().tolist(), y.ravel().tolist())
-    return np.reshape(out[0], x.shape), np.reshape(out[1], x.shape)
+    east, north = warp(CRS.from_wkt(source), CRS.from_wkt(target), x, y)
+    return east, north
+
+
+_FEW = 4
+_warp_few = lru_cache(maxsize=512)(_warp)
+"""A raster's middle and corners are asked for again and again, in milliseconds a time."""
 
 
 def ellipsoid(crs: str) -> tuple[float, float]:
