@@ -19,6 +19,7 @@ _REFUSALS = {
     *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
     *(errno.ENOENT, errno.EEXIST),
 }
+_IN_WORDS = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS)
 
 
 @contextmanager
@@ -43,6 +44,10 @@ def _fault(error: BaseException | None, folder: Path) -> str:
     while error is not None:
         if isinstance(error, OSError) and error.errno in _REFUSALS:
             return os.strerror(error.errno)
+        told = str(error)  # OpenUSD and GDAL tell it in words, and may have made room since
+        for why in map(os.strerror, _IN_WORDS):
+            if why in told:
+                return why
         error = error.__cause__ or error.__context__
     place = next(above for above in (folder, *folder.parents) if above.exists())
     if shutil.disk_usage(place).free < _FULL:

@@ -20,6 +20,7 @@ from terrain_forge.building import (
     read_manifest,
     replacing,
     require_ours,
+    storing,
     updating,
 )
 from terrain_forge.building import staging as staging_file
@@ -253,3 +254,14 @@ def test_racing_writers_end_with_one_whole_world(tmp_path):
         assert 0 in ends
         assert content(target).startswith("world")
         assert names(tmp_path) == ["out"]
+
+
+def test_a_full_disk_that_a_library_tells_of_in_words(tmp_path):
+    """OpenUSD cuts its file off then, after which the disk is not full any more."""
+    told = "Failed writing usdc data: Error occurred writing file: No space left on device"
+    for error, why in (
+        (StorageError, r"w cannot be written: No space left on device$"),
+        (RuntimeError, "no fault of the disk"),
+    ):
+        with pytest.raises(error, match=why), storing(tmp_path / "w", tmp_path):
+            raise RuntimeError(told if error is StorageError else why)
