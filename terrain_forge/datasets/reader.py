@@ -94,7 +94,7 @@ class Recording:
 
     def recipe_of(self, sensor: RecordedSensor) -> Mapping[str, Any]:
         """What the recipe says of a sensor; nothing where dataset.json does not have it."""
-        told = self.about.get("sensors", [])
+        told = self.about.get("sensors") or ()
         return next((one for one in told if one.get("name") == sensor.name), {})
 
     @property
@@ -255,6 +255,10 @@ def _check(about: Any) -> None:
     for key, kind in {**wanted, "transforms": dict, "classes": dict}.items():
         if not isinstance(about.get(key), kind):  # type: ignore[arg-type]
             raise DataError(f"{INDEX} has no {key!r} of the kind that it must be")
+    if not isinstance(about["world"].get("name"), str):
+        raise DataError(f"{INDEX} has no name of the world")
+    if not all(isinstance(one, dict) for one in about.get("sensors") or ()):
+        raise DataError(f"{INDEX}: its sensors are no tables of keys")
     for number, stream in enumerate(about["streams"]):
         if not isinstance(stream, dict) or not {"folder", "name", "kind"} <= set(stream):
             raise DataError(f"{INDEX}: stream {number} has no folder, name and kind")

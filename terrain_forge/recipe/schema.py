@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from terrain_forge.base import (
     BY_KIND,
     ByKind,
+    DataError,
     FileName,
     Fraction,
     Positive,
@@ -266,8 +267,13 @@ def recipe_from_json(text: str) -> Recipe:
 
     Raises:
         RecipeError: for what the schema does not allow; recipes made in Python are checked here.
+        DataError: if it is no JSON, as in a world that was damaged.
     """
     try:
         return adapter().validate_json(text, strict=True)
     except ValidationError as error:
-        raise RecipeError(str(complaint(error, adapter(), json.loads(text)))) from None
+        try:
+            plain = json.loads(text)
+        except ValueError as fault:
+            raise DataError(f"its recipe is no JSON: {fault}") from None
+        raise RecipeError(str(complaint(error, adapter(), plain))) from None

@@ -262,7 +262,8 @@ def _told(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {some}" for name, some in value.items())
     if isinstance(value, list):
-        return ", ".join(one["folder"] for one in value) or "none"
+        folders = (one.get("folder", "?") if isinstance(one, dict) else one for one in value)
+        return ", ".join(map(_told, folders)) or "none"
     return str(value)[:60]
 
 

@@ -222,7 +222,7 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
     for key in wanted:
         if not isinstance(found, dict) or found.get(key) != wanted[key]:
             what = {"exports": "other exports"}.get(key, f"another {key}")
-            if isinstance(found, dict) and isinstance(found.get(key), dict):
+            if key == "recipe" and isinstance(found, dict) and isinstance(found.get(key), dict):
                 what += _difference(found[key], wanted[key])
             raise OutputError(f"{out} holds worlds of {what}: choose another folder")
 

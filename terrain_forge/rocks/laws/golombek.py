@@ -58,7 +58,7 @@ class Golombek(SizeLaw):
 
     kind: Literal["golombek"] = "golombek"
     """Name of the law."""
-    k: Annotated[float, Interval(gt=0, le=MAX_K)] | None = None
+    k: Annotated[float, Interval(ge=1e-12, le=MAX_K)] | None = None
     """Part of the ground that rocks of all sizes cover, 0 to 0.4."""
     cover: CoverAbove | None = None
     """Part of the ground that rocks above some diameter cover; k follows from it."""

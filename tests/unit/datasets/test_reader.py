@@ -84,6 +84,8 @@ BROKEN = {
     "no index": (lambda f: (f / "dataset.json").unlink(), "no such file: .*dataset.json"),
     "index cut": (lambda f: _cut(f / "dataset.json", 5), "dataset.json cannot be read"),
     "version": (lambda f: _index(f, version=9), "version 9, this terrain-forge reads 1"),
+    "world without a name": (lambda f: _index(f, world={"Wame": "x"}), "no name of the world"),
+    "sensors": (lambda f: _index(f, sensors=[3]), "its sensors are no tables"),
     "outside": (
         lambda f: _index(f, streams=[{"folder": "../x", "name": "a", "kind": "imu"}]),
         "lies outside of the dataset",

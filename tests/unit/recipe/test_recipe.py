@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from terrain_forge import RecipeError, TerrainForgeError, load_recipe, plan
+from terrain_forge import DataError, RecipeError, TerrainForgeError, load_recipe, plan
 from terrain_forge.recipe import export_orders, recipe_from_json, recipe_json
 from tests.helpers.places import ROOT
 
@@ -214,3 +214,8 @@ def test_changes_of_the_command_line(tmp_path):
     with pytest.raises(RecipeError, match=r"usb.*did you mean 'usd'\?") as caught:
         export_orders(file.recipe)
     assert file.locate(caught.value).startswith("--set exports=[usb]: exports.usb: unknown")
+
+
+def test_a_saved_recipe_that_is_no_json_is_one_line():
+    with pytest.raises(DataError, match=r"its recipe is no JSON: Expecting .* column 14"):
+        recipe_from_json('{"name": "a" "b"}')

@@ -169,6 +169,16 @@ def test_tiles_of_another_recipe_stay(built, tmp_path, changes, message):
     assert contents(built) == before
 
 
+def test_tiles_whose_order_was_damaged_stay(built, tmp_path):
+    recipe = tf.load_recipe(write_recipe(tmp_path)).recipe
+    order = json.loads((built / "site/order.json").read_text())
+    order["exports"] = [{"Wolder": "usd"}, 3]
+    (tmp_path / "out/site").mkdir(parents=True)
+    (tmp_path / "out/site/order.json").write_text(json.dumps(order))
+    with pytest.raises(OutputError, match=r"tiles with other exports: \?, 3, not "):
+        tf.build(recipe, tmp_path / "out")
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

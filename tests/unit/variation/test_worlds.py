@@ -253,6 +253,11 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     steep = recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.5))
     with pytest.raises(tf.OutputError, match=r"recipe \(terrain\.spacing_m: .*, not 0\.5\)"):
         worlds(steep, made)
+    (tmp_path / "damaged").mkdir()
+    order = json.loads((made / "worlds.json").read_text())
+    (tmp_path / "damaged/worlds.json").write_text(json.dumps(order | {"format": {}}))
+    with pytest.raises(tf.OutputError, match="holds worlds of another format"):
+        worlds(other, tmp_path / "damaged")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
