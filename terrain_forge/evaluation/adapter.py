@@ -173,6 +173,7 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
                 loops, why = _closures(path)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
+            (keep / _LOG).unlink(missing_ok=True)
             (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
             trajectory = keep / f"{adapter.name}.{adapter.format}"
             trajectory.unlink(missing_ok=True)  # an earlier run's

@@ -20,7 +20,7 @@ from terrain_forge.evaluation.paper import (
     table_of,
 )
 from terrain_forge.evaluation.results import Result
-from terrain_forge.evaluation.tables import PAPER, latex_table
+from terrain_forge.evaluation.tables import PAPER, latex_table, put_text
 
 _HEAD = (
     "system", "ATE in the paper [m]", "ATE here [m]", "TDr in the paper [%]", "TDr here [%]",
@@ -184,5 +184,5 @@ def write_paper_table(recording: Recording, results: Sequence[Result], folder: P
         "tex": comments + latex_table(rows),
     }
     for suffix, content in contents.items():
-        (folder / f"{PAPER}.{suffix}").write_text(content, encoding="utf-8")
+        put_text(folder / f"{PAPER}.{suffix}", content)
     return [folder / f"{PAPER}.{suffix}" for suffix in contents]

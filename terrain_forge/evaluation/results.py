@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from terrain_forge.evaluation.adapter import Run
 from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.paper import SETUP, paper_figure
 from terrain_forge.evaluation.score import Score
-from terrain_forge.evaluation.tables import score_plain, table_lines, write_table
+from terrain_forge.evaluation.tables import put_text, score_plain, table_lines, write_table
 
 ERRORS = "errors.csv"
 """Where the estimate lies, and how far it is off, in the folder of a system's run."""
@@ -130,7 +131,7 @@ def write_results(results: Sequence[Result], folder: Path) -> list[Path]:
     plain = [result_plain(one) for one in results]
     paths = write_table(result_rows(results), plain, folder)
     text = folder / "evaluation.txt"
-    text.write_text("\n".join(result_lines(results)) + "\n", encoding="utf-8")
+    put_text(text, "\n".join(result_lines(results)) + "\n")
     return [*paths, text]
 
 
@@ -138,9 +139,9 @@ def write_errors(score: Score, path: Path) -> None:
     """Write the estimate's places in the truth's frame, and their errors, as CSV."""
     table = np.column_stack([score.time, score.station, score.aligned, score.errors])
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(ERROR_COLUMNS) + "\n")
-        np.savetxt(file, table, fmt=["%.9f", *["%.6f"] * 5], delimiter=",", newline="\n")
+    text = StringIO()
+    np.savetxt(text, table, fmt=["%.9f", *["%.6f"] * 5], delimiter=",", newline="\n")
+    put_text(path, ",".join(ERROR_COLUMNS) + "\n" + text.getvalue())
 
 
 def read_errors(path: Path) -> Array:

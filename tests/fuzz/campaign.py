@@ -96,6 +96,7 @@ class Campaign:
         timed: bool = False,
     ) -> None:
         self.figures = Figures()
+        self._said = ""
         self._seed, self._rng = seed, random.Random()
         self._kinds, self._keep, self._builds = kinds, keep, builds
         self._place = Path(tempfile.mkdtemp(prefix="fuzz-"))
@@ -253,6 +254,7 @@ class Campaign:
         self.figures.statuses[f"{kind} {ended.status}"] += 1
         self.figures.slowest = max(self.figures.slowest, ended.seconds)
         self.figures.largest = max(self.figures.largest, ended.memory)
+        self._said = ended.stderr
 
     def _save(self, fault: str, command: str, folder: Path) -> None:
         """Keep the input of a fault, of each kind of fault the first few."""
@@ -266,7 +268,11 @@ class Campaign:
                 target.mkdir(parents=True)
                 break
         where.append(str(target))
-        (target / "fault.txt").write_text(f"{fault}\n{command}\n", encoding="utf-8")
+        pipes = [str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_fifo()]
+        told = f"{fault}\n{command}\npipes: {pipes}\n"
+        (target / "fault.txt").write_text(told, encoding="utf-8", errors="surrogateescape")
+        said = target / "stderr.txt"  # of one that hangs, where its threads were
+        said.write_text(self._said, encoding="utf-8", errors="surrogateescape")
         for path in folder.iterdir():
             if path.is_dir() and not path.is_symlink():
                 shutil.copytree(path, target / path.name, symlinks=True, ignore=_pipes)

@@ -56,6 +56,7 @@ def warm_up(good: Path) -> None:
 
     A forked command need do neither.
     """
+    os.environ.setdefault("PROJ_DEBUG", "0")  # as commands begin
     import mujoco  # noqa: F401
     import rasterio  # noqa: F401
     import scipy.interpolate

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,6 +23,7 @@ from terrain_forge.evaluation import (
 )
 from terrain_forge.evaluation.files import score_files
 from terrain_forge.evaluation.results import Result, result_lines, result_rows
+from terrain_forge.evaluation.tables import write_table
 from tests.helpers.command_line import run
 
 
@@ -310,3 +312,15 @@ def test_an_unknown_option_is_told(tmp_path):
         assert done.returncode == 2
         assert told in done.stderr
         assert done.stderr.count("\n") == 1
+
+
+def test_a_pipe_or_a_link_in_a_tables_place_is_not_written_to(tmp_path):
+    mine, folder = tmp_path / "mine.txt", tmp_path / "out"
+    mine.write_text("precious")
+    folder.mkdir()
+    os.mkfifo(folder / "evaluation.csv")
+    (folder / "evaluation.tex").symlink_to(mine)
+    paths = write_table([["system"], ["a"]], {}, folder)
+    assert mine.read_text() == "precious"
+    assert all(path.is_file() and not path.is_symlink() for path in paths)
+    assert sorted(folder.iterdir()) == sorted(paths)
