@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, read_lines
+from terrain_forge.base import Array, DataError, read_lines, read_text
 from terrain_forge.datasets import Recording
 from terrain_forge.evaluation import ERRORS, MAPS, RESULTS, read_errors
 from terrain_forge.report.blocks import Block, drawing, heading, paragraph, table
@@ -53,7 +53,7 @@ def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]
     yield heading("Trajectories")
     yield _shown(folder / "evaluation.csv", first="l", last="l")
     if (folder / "paper.csv").is_file():
-        text = (folder / "paper.txt").read_text(encoding="utf-8").splitlines()
+        text = read_text(folder / "paper.txt", "paper.txt", most=2**20).splitlines()
         yield heading(text[0])
         head, *rows = _rows(folder / "paper.csv")
         yield table(head, rows, figures="lrrrrrl")
