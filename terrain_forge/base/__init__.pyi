@@ -111,3 +111,4 @@ from .threads import listen_for_interrupts as listen_for_interrupts
 from .threads import processors as processors
 from .threads import telling_interrupts as telling_interrupts
 from .threads import worker_threads as worker_threads
+from .whole import write_whole as write_whole

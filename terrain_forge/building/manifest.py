@@ -15,7 +15,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
 from terrain_forge import __version__
-from terrain_forge.base import DataError, OutputError, TerrainForgeError, read_text, worker_threads
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    TerrainForgeError,
+    read_text,
+    worker_threads,
+    write_whole,
+)
 from terrain_forge.dtm import origin
 from terrain_forge.model import Export, Site
 from terrain_forge.recipe import sha256
@@ -86,10 +93,8 @@ def write_manifest(
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),
     }
-    path, fresh = directory / NAME, directory / f".{NAME}-{os.getpid()}"
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False)
-    fresh.write_text(text + "\n", encoding="utf-8")
-    return fresh.replace(path)
+    return write_whole(directory / NAME, text + "\n")
 
 
 def _origins(dtm: dict[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, lru_cache
 
@@ -15,13 +15,14 @@ from terrain_forge.base import Array, DataError, portable
 def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:
     """Coordinates in the CRS `target` (WKT) of points in the CRS `source`, of any shape."""
     x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    warp = _warp_few if x.size <= _FEW else _warp
-    out = warp(source, target, tuple(x.ravel().tolist()), tuple(y.ravel().tolist()))
+    points = x.ravel().tolist(), y.ravel().tolist()
+    few = x.size <= _FEW
+    out = _warp_few(source, target, *map(tuple, points)) if few else _warp(source, target, *points)
     return np.reshape(out[0], x.shape), np.reshape(out[1], x.shape)
 
 
 def _warp(
-    source: str, target: str, x: tuple[float, ...], y: tuple[float, ...]
+    source: str, target: str, x: Sequence[float], y: Sequence[float]
 ) -> tuple[list[float], list[float]]:
     from rasterio.crs import CRS
     from rasterio.warp import transform as warp

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from terrain_forge.base import write_whole
 from terrain_forge.datasets import Recording
 from terrain_forge.evaluation.paper import (
     PAPER_LENGTHS,
@@ -20,7 +21,7 @@ from terrain_forge.evaluation.paper import (
     table_of,
 )
 from terrain_forge.evaluation.results import Result
-from terrain_forge.evaluation.tables import PAPER, latex_table, put_text
+from terrain_forge.evaluation.tables import PAPER, latex_table
 
 _HEAD = (
     "system", "ATE in the paper [m]", "ATE here [m]", "TDr in the paper [%]", "TDr here [%]",
@@ -184,5 +185,5 @@ def write_paper_table(recording: Recording, results: Sequence[Result], folder: P
         "tex": comments + latex_table(rows),
     }
     for suffix, content in contents.items():
-        put_text(folder / f"{PAPER}.{suffix}", content)
+        write_whole(folder / f"{PAPER}.{suffix}", content)
     return [folder / f"{PAPER}.{suffix}" for suffix in contents]

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Record, read_text
+from terrain_forge.base import Array, DataError, Record, read_text, write_whole
 from terrain_forge.evaluation.adapter import Run
 from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.paper import SETUP, paper_figure
 from terrain_forge.evaluation.score import Score
-from terrain_forge.evaluation.tables import put_text, score_plain, table_lines, write_table
+from terrain_forge.evaluation.tables import score_plain, table_lines, write_table
 
 ERRORS = "errors.csv"
 """Where the estimate lies, and how far it is off, in the folder of a system's run."""
@@ -131,7 +131,7 @@ def write_results(results: Sequence[Result], folder: Path) -> list[Path]:
     plain = [result_plain(one) for one in results]
     paths = write_table(result_rows(results), plain, folder)
     text = folder / "evaluation.txt"
-    put_text(text, "\n".join(result_lines(results)) + "\n")
+    write_whole(text, "\n".join(result_lines(results)) + "\n")
     return [*paths, text]
 
 
@@ -141,7 +141,7 @@ def write_errors(score: Score, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     text = StringIO()
     np.savetxt(text, table, fmt=["%.9f", *["%.6f"] * 5], delimiter=",", newline="\n")
-    put_text(path, ",".join(ERROR_COLUMNS) + "\n" + text.getvalue())
+    write_whole(path, ",".join(ERROR_COLUMNS) + "\n" + text.getvalue())
 
 
 def read_errors(path: Path) -> Array:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError
+from terrain_forge.base import OutputError, write_whole
 from terrain_forge.evaluation.score import Score, Spread
 from terrain_forge.writers import quoted
 
@@ -130,16 +130,8 @@ def write_table_as(name: str, rows: list[list[str]], whole: Any, folder: Path) -
         latex_table(rows),
     )
     for path, text in zip(paths, texts, strict=True):
-        put_text(path, text)
+        write_whole(path, text)
     return paths
-
-
-def put_text(path: Path, text: str) -> None:
-    """Write a file as a whole; a pipe or a link in its place is replaced, not written to."""
-    fresh = path.with_name(f".{path.name}.new")
-    fresh.unlink(missing_ok=True)
-    fresh.write_text(text, encoding="utf-8")
-    fresh.replace(path)
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:

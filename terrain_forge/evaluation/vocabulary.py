@@ -7,7 +7,6 @@ evaluates on, so that loops of the evaluated one are not known beforehand.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, OutputError, Progress, Stopwatch, cache_folder, silent
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    Progress,
+    Stopwatch,
+    cache_folder,
+    silent,
+    write_whole,
+)
 
 Descriptors = NDArray[np.uint8]
 _BRANCHES, _LEVELS = 10, 6
@@ -58,9 +65,7 @@ def make_vocabulary(progress: Progress = silent) -> Path:
     _opencv()  # before worlds are made
     text = train_vocabulary([orb_descriptors(image) for image in _pictures(progress)])
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{os.getpid()}.{path.name}")
-    fresh.write_text(text, encoding="ascii")
-    fresh.replace(path)
+    write_whole(path, text)
     return path
 
 

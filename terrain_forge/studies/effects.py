@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from terrain_forge.base import write_whole
 from terrain_forge.evaluation import latex_table
 from terrain_forge.studies.cells import Cell, Study
 
@@ -222,8 +223,8 @@ def write_tables(study: Study, outcomes: Sequence[Outcome], out: Path) -> list[P
             ("tex", latex_table(rows)),
         ):
             paths.append(out / f"{name}.{suffix}")
-            paths[-1].write_text(content, encoding="utf-8")
+            write_whole(paths[-1], content)
     plain = [vars(one) for one in effects]
     paths.append(out / "effects.json")
-    paths[-1].write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+    write_whole(paths[-1], json.dumps(plain, indent=1) + "\n")
     return paths

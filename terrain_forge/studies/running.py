@@ -24,6 +24,7 @@ from terrain_forge.base import (
     silent,
     size_text,
     telling_interrupts,
+    write_whole,
 )
 from terrain_forge.building import holding
 from terrain_forge.evaluation import Program
@@ -124,7 +125,7 @@ def run_cells(
     with telling_interrupts(told), holding(out):
         (out / CELLS).mkdir(exist_ok=True)
         text = json.dumps(index_of(study), indent=1)
-        (out / INDEX).write_text(text + "\n", encoding="utf-8")
+        write_whole(out / INDEX, text + "\n")
         _run(missing, out, jobs, progress, count=count)
         if not study.file.spec.keep:
             for cell in study.cells:
@@ -250,7 +251,7 @@ def _start(cell: Cell, out: Path, workers: int) -> Program:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / RESULT).unlink(missing_ok=True)  # of a failure
     job = {**cell.job, "workers": workers, "digest": cell.digest}
-    (folder / JOB).write_text(json.dumps(job, indent=1) + "\n", encoding="utf-8")
+    write_whole(folder / JOB, json.dumps(job, indent=1) + "\n")
     words = [sys.executable, "-m", "terrain_forge.studies.worker", str(folder.absolute())]
     return Program(words, folder=folder, log=folder / LOG, environment={"MPLBACKEND": "Agg"})
 
@@ -262,7 +263,7 @@ def _settle(cell: Cell, out: Path) -> None:
         lines = (folder / LOG).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         why = lines[-1][:500] if lines else "its process ended without a word"
         told = {"digest": cell.digest, "status": "failed", "why": why, "results": []}
-        (folder / RESULT).write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        write_whole(folder / RESULT, json.dumps(told, indent=1) + "\n")
     if not cell.job["keep"]:
         _forget(cell, out)
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import TerrainForgeError
+from terrain_forge.base import TerrainForgeError, write_whole
 from terrain_forge.evaluation import ScoreOptions, evaluate_recording, result_plain
 from terrain_forge.making import plan
 from terrain_forge.model import Sensor
@@ -107,9 +107,7 @@ def main(folder: Path) -> int:
     job = json.loads((folder / JOB).read_text(encoding="utf-8"))
     result = carry_out(job, folder)
     whole = {"digest": job["digest"], **result}
-    being = folder / f".{RESULT}"
-    being.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
-    being.replace(folder / RESULT)
+    write_whole(folder / RESULT, json.dumps(whole, indent=1) + "\n")
     return 0
 
 

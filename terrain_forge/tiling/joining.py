@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
-from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software
+from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import digest_of, world_of
@@ -112,10 +112,8 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
 
 def write_manifest(order: TileOrder, manifest: dict[str, Any]) -> None:
     """Write the list of what the site is, after all else."""
-    path, fresh = order.out / MANIFEST, order.out / f".{MANIFEST}"
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    fresh.write_text(text, encoding="utf-8")
-    fresh.replace(path)
+    write_whole(order.out / MANIFEST, text)
 
 
 def _each(order: TileOrder) -> Iterator[tuple[int, dict[str, Any]]]:

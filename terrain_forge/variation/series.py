@@ -31,6 +31,7 @@ from terrain_forge.base import (
     run_tasks,
     silent,
     telling_interrupts,
+    write_whole,
 )
 from terrain_forge.building import (
     chosen_exports,
@@ -351,7 +352,7 @@ def _write_table(out: Path, folders: tuple[Path, ...]) -> None:
     table.writeheader()
     for row in rows:
         table.writerow({key: _plain(value) for key, value in row.items()})
-    _replace(out / TABLE, text.getvalue())
+    write_whole(out / TABLE, text.getvalue())
 
 
 def _plain(value: Any) -> Any:
@@ -360,11 +361,4 @@ def _plain(value: Any) -> Any:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    _replace(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file that is there whole or not at all."""
-    fresh = path.with_name(f".{path.name}-{os.getpid()}")
-    fresh.write_text(text, encoding="utf-8")
-    fresh.replace(path)
+    write_whole(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")

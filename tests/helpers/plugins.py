@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -49,7 +50,7 @@ def fresh(site: Path, *, anew: bool = False) -> Iterator[None]:
                 make_small(small)
                 yield
         finally:
-            theirs = str(site / "_")[:-1]
+            theirs = f"{site}{os.sep}"
             _imported[site] = {
                 name: sys.modules.pop(name)
                 for name, module in list(sys.modules.items())
