@@ -100,6 +100,7 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .storage import storing as storing
 from .tasks import require_scheduler as require_scheduler
 from .tasks import run_tasks as run_tasks
 from .tasks import serve_tasks as serve_tasks

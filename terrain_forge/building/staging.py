@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from terrain_forge.base import OutputError, hold_interrupts
+from terrain_forge.base import OutputError, hold_interrupts, storing
 from terrain_forge.building.manifest import (
     LOCK,
     MARK,
@@ -33,7 +33,6 @@ from terrain_forge.building.manifest import (
     suspect_files,
 )
 from terrain_forge.building.refusals import require_ours
-from terrain_forge.building.storage import storing
 
 _log = logging.getLogger(__name__)
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import shutil
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -18,13 +16,13 @@ from terrain_forge.base import (
     Progress,
     RecipeError,
     Spec,
-    StorageError,
     complaint,
     hint_at,
     parts,
     resolved,
     returning,
     silent,
+    storing,
 )
 from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.streams import RecordedSensor
@@ -35,12 +33,6 @@ Need = Literal["two cameras", "a lidar", "depth", "class"]
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
-_FULL = {
-    *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO),
-    *(errno.ENOTDIR, errno.ENAMETOOLONG, errno.ELOOP),
-}
-_SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
-"""SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
 
 
 class DatasetWriter:
@@ -132,7 +124,7 @@ def write_dataset(
     target = resolved(folder)
     around = target.with_name(f".{target.name}.part")
     fresh = around / target.name
-    with _storing(target):
+    with storing(target, target.parent):
         _require_free(target, recording)
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
@@ -181,30 +173,6 @@ def _require_free(target: Path, recording: Recording) -> None:
         raise OutputError(f"{target} lies in the recording itself: choose another folder")
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise OutputError(f"{target} exists: remove it, or choose another folder")
-
-
-@contextmanager
-def _storing(target: Path) -> Iterator[None]:
-    """Turns what a disk refuses into one error."""
-    try:
-        yield
-    except Exception as error:
-        if why := _refusal(error, target.parent):
-            raise StorageError(f"{target} cannot be written: {why}") from error
-        raise
-
-
-def _refusal(error: BaseException | None, folder: Path) -> str:
-    """Why the disk refused, whatever a library made of it; empty if it did not."""
-    while error is not None:
-        number = _SQLITE.get(
-            getattr(error, "sqlite_errorcode", 0) & 255, getattr(error, "errno", 0)
-        )
-        if number in _FULL:
-            return os.strerror(number)
-        error = error.__cause__ or error.__context__
-    place = next(above for above in (folder, *folder.parents) if above.exists())
-    return os.strerror(errno.ENOSPC) if shutil.disk_usage(place).free < 2**16 else ""
 
 
 def needed(module: str, what: str) -> Any:

@@ -18,9 +18,10 @@ from terrain_forge.base import (
     processors,
     run_tasks,
     size_text,
+    storing,
     telling_interrupts,
 )
-from terrain_forge.building import BuildResult, holding, storing
+from terrain_forge.building import BuildResult, holding
 from terrain_forge.tiling.checking import judge_again
 from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile

@@ -7,8 +7,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, read_text, run_tasks
-from terrain_forge.building import hash_found, holding, storing
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    Stopwatch,
+    read_json,
+    read_text,
+    run_tasks,
+    storing,
+)
+from terrain_forge.building import hash_found, holding
 from terrain_forge.model import Check, at_most
 from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile

@@ -23,8 +23,7 @@ from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
 from weakref import finalize
 
-from terrain_forge.base import OutputError
-from terrain_forge.building import storing
+from terrain_forge.base import OutputError, storing
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.joining import begin_site
 from terrain_forge.tiling.making import make_tile, placing

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Stopwatch, silent
-from terrain_forge.building import storing, write_through
+from terrain_forge.base import Stopwatch, silent, storing
+from terrain_forge.building import write_through
 from terrain_forge.making import make_world
 from terrain_forge.model import Tile, Window, World
 from terrain_forge.paths import known_within

@@ -14,13 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from terrain_forge.base import OutputError, StorageError, listen_for_interrupts
+from terrain_forge.base import OutputError, StorageError, listen_for_interrupts, storing
 from terrain_forge.building import (
     finish,
     read_manifest,
     replacing,
     require_ours,
-    storing,
     updating,
 )
 from terrain_forge.building import staging as staging_file

@@ -10,15 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from terrain_forge.base import StorageError, TerrainForgeError
+from terrain_forge.base.errors import StorageError, TerrainForgeError
 
 _FULL = 2**16
 """Bytes below which a disk is full."""
 _REFUSALS = {
     *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
     *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
-    *(errno.ENOENT, errno.EEXIST),
+    *(errno.ENOENT, errno.EEXIST, errno.ENOTDIR, errno.ELOOP),
 }
+_SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
+"""SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
 _IN_WORDS = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS)
 
 
@@ -42,8 +44,11 @@ def storing(target: Path, folder: Path) -> Iterator[None]:
 def _fault(error: BaseException | None, folder: Path) -> str:
     """Why the disk refused; empty if it is not the disk's fault."""
     while error is not None:
-        if isinstance(error, OSError) and error.errno in _REFUSALS:
-            return os.strerror(error.errno)
+        number = _SQLITE.get(
+            getattr(error, "sqlite_errorcode", 0) & 255, getattr(error, "errno", 0)
+        )
+        if number in _REFUSALS:
+            return os.strerror(number)
         told = str(error)  # OpenUSD and GDAL tell it in words, and may have made room since
         for why in map(os.strerror, _IN_WORDS):
             if why in told:
