@@ -9,11 +9,9 @@ import numpy as np
 from terrain_forge.base import linear_from_srgb, srgb_from_linear
 from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, RockLibrary, Site
 from terrain_forge.rocks import rocks_beyond
+from terrain_forge.scene import dust_on, tints_of
 from terrain_forge.terrain import heights_beyond, regolith_colour, shape_horizon, tinted
 from terrain_forge.writers import vertex_normals
-
-_DUST, _LUNAR_DUST = 0.4, 0.2
-"""How much of the ground's colour lies on rocks, with air and without."""
 
 
 def make_horizon(
@@ -31,39 +29,41 @@ def make_horizon(
     spec, populations = recipe.horizon, recipe.rocks.populations
     if spec.reach_m == 0.0:
         return None
-    bare = shape_horizon(
+    land = shape_horizon(
         site=site,
         ground=ground,
         appearance=appearance,
         layers=recipe.terrain.layers,
         reach=spec.reach_m,
     )
-    width = min(spec.rocks_m, 0.9 * bare.reach)
+    width = min(spec.rocks_m, 0.9 * land.reach)
     if not populations or not library.prototypes or not width:
-        return bare
+        return land
     rocks = rocks_beyond(
         site=site,
         populations=populations,
         library=library,
         bounds=ground.bounds,
         width=width,
-        height_at=partial(heights_beyond, ground, bare),
-    )
-    albedo = linear_from_srgb(appearance.rock_rgb / 255.0)[rocks.population]
-    soil = regolith_colour(tinted(site, appearance))
-    dust = _DUST if max(site.body.sky_rgb) > 0.0 else _LUNAR_DUST
-    mixed = (1.0 - dust) * albedo * rocks.tone[:, None] + dust * soil
-    rgb = np.round(255.0 * np.clip(srgb_from_linear(mixed), 0.0, 1.0))
-    first = np.int32(len(bare.mesh.vertices))
-    mesh = Mesh(
-        vertices=np.concatenate([bare.mesh.vertices, rocks.mesh.vertices]),
-        faces=np.concatenate([bare.mesh.faces, rocks.mesh.faces + first]),
+        height_at=partial(heights_beyond, ground, land),
     )
     normals = vertex_normals(rocks.mesh.vertices, rocks.mesh.faces)
-    return bare.replace(
+    bare = linear_from_srgb(appearance.rock_rgb / 255.0)[:, None, :]
+    soil = regolith_colour(tinted(site, appearance))
+    colours = tints_of(bare, soil)
+    albedo = colours[rocks.population, (rocks.draw * colours.shape[1]).astype(np.int64)]
+    dust = dust_on(normals[:, 2:], airy=max(site.body.sky_rgb) > 0.0)
+    mixed = albedo + dust * (soil - albedo)
+    rgb = np.round(255.0 * np.clip(srgb_from_linear(mixed), 0.0, 1.0))
+    first = np.int32(len(land.mesh.vertices))
+    mesh = Mesh(
+        vertices=np.concatenate([land.mesh.vertices, rocks.mesh.vertices]),
+        faces=np.concatenate([land.mesh.faces, rocks.mesh.faces + first]),
+    )
+    return land.replace(
         mesh=mesh,
-        normals=np.concatenate([bare.normals, normals]),
-        rgb=np.concatenate([bare.rgb, rgb]),
+        normals=np.concatenate([land.normals, normals]),
+        rgb=np.concatenate([land.rgb, rgb]),
         rocks=rocks.number,
-        told=f"{bare.told}; {rocks.number} rocks within {width:g} m",
+        told=f"{land.told}; {rocks.number} rocks within {width:g} m",
     )

@@ -45,9 +45,11 @@ from .subject import Subject as Subject
 from .subject import subject_of as subject_of
 from .tints import DUST_VALUE as DUST_VALUE
 from .tints import SOILED as SOILED
+from .tints import dust_on as dust_on
 from .tints import dust_share as dust_share
 from .tints import dusty_factors as dusty_factors
 from .tints import rock_tints as rock_tints
 from .tints import soil_colour as soil_colour
 from .tints import tint_colours as tint_colours
+from .tints import tints_of as tints_of
 from .tints import tones as tones

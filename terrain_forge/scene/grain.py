@@ -26,6 +26,8 @@ SLAB_SHOWN = 1.0, 2.0
 """Sizes of slabs, in pixels, from which on they begin to show, and show in full."""
 SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
+FAR_COARSEST = SOIL_COARSEST / 0.48
+"""Longest waves of the land beyond the site, whose rings hold none so short [m]."""
 SOIL_STEEP = 0.038
 """Rise of waves of soil so long, over that of unit noise."""
 SOIL_HURST = 0.55

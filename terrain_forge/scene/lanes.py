@@ -118,6 +118,7 @@ def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
     space[OPEN + lane] = _1 if stage.haze < np.inf else _0
     space[PEBBLY + lane], space[ROUGH + lane] = stage.usual[0], stage.usual[1]
     space[SLABBY + lane] = stage.usual[2]
+    space[WIDE + lane] = _1 if np.int64(word[TRIANGLE, lane]) >= stage.land_rock else _0
     first, land = stage.land_corner, stage.land
     for channel in range(land.shape[1]):
         space[RGB + LANES * channel + lane] = (

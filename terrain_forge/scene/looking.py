@@ -88,6 +88,7 @@ def look(
         scene.origin[:2] + middle,
         key=stage_key(scene.subject.seed, "grain"),
         spacing=float(stage.spacing),
+        rough=float(stage.rough),
         shadow=(lean * float(stage.sun[0]), lean * float(stage.sun[1])),
     )
     view = View(

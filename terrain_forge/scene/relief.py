@@ -28,6 +28,7 @@ from terrain_forge.scene.grain import (
     CRUMB_SOFT,
     CRUMB_TONE,
     CRUMB_WAVES,
+    FAR_COARSEST,
     SLAB_CELL,
     SOIL_COARSEST,
     SOIL_HURST,
@@ -71,6 +72,8 @@ RELIEF_ROWS = 14
 
 _OCTAVES = 12
 _FINEST = 0.002  # shortest waves [m]
+_NOISE_RISE = 0.504  # RMS rise of unit noise along an axis
+_STEEPEST = 4.0  # how much steeper than usual the land beyond may be
 _TURN = complex(0.4472135954999579, 0.8944271909999159)
 
 _0, _HALF, _1, _2 = (np.float32(n) for n in (0.0, 0.5, 1.0, 2.0))
@@ -112,12 +115,18 @@ class Relief(NamedTuple):
 
 
 def relief_about(
-    anchor: Array, *, key: np.uint64, spacing: float, shadow: tuple[float, float]
+    anchor: Array, *, key: np.uint64, spacing: float, rough: float, shadow: tuple[float, float]
 ) -> Relief:
-    """The fine texture about a place of the world [m] of a ground with a spacing of nodes [m]."""
-    seed = int(key)
-    soil, soil_keys = _octaves(anchor, seed, min(SOIL_COARSEST, 1.5 * spacing))
-    far, far_keys = _octaves(anchor, seed + 1, SOIL_COARSEST)
+    """The fine texture about a place of the world [m] of a ground with a spacing of nodes [m].
+
+    Its heights are so `rough`, see `roughness`; the land beyond, whose heights are not, is made so.
+    """
+    seed, finest = int(key), 1.5 * spacing
+    soil, soil_keys = _octaves(anchor, seed, min(SOIL_COARSEST, finest))
+    far, far_keys = _octaves(anchor, seed + 1, FAR_COARSEST)
+    held = far[:, 0] > finest
+    usual = _NOISE_RISE * float(np.sqrt(np.square(far[held, 3], dtype=np.float64).sum()))
+    far[held, 3] *= min(rough / max(usual, 1e-6), _STEEPEST)
     cells = [_lattice(complex(*anchor) / cell) for cell in CLAST_CELLS]
     warp, warp_at = _lattice(complex(*anchor) * 2.7)
     slab, slab_at = _lattice(complex(anchor[0], 1.4 * anchor[1]) / SLAB_CELL)
@@ -137,6 +146,24 @@ def relief_about(
         slab_keys=np.array([[_word(seed + 3), *warp], [_word(seed + 4), *slab]], np.uint32),
         shadow=(np.float32(shadow[0]), np.float32(shadow[1])),
     )
+
+
+def roughness(slope_x: Array, slope_y: Array, spacing: float) -> float:
+    """RMS slope along an axis of a ground's waves shorter than about `FAR_COARSEST` [m].
+
+    Of the middle one of square blocks half as wide, so that craters and banks do not count.
+    """
+    side = max(4, round(0.5 * FAR_COARSEST / spacing))
+    rows, columns = (count // side for count in slope_x.shape)
+    if not rows or not columns:
+        return 0.0
+    blocks = [
+        np.asarray(slope[: rows * side, : columns * side], np.float64)
+        .reshape(rows, side, columns, side)
+        .var(axis=(1, 3))
+        for slope in (slope_x, slope_y)
+    ]
+    return round(float(np.sqrt(0.5 * np.median(blocks[0] + blocks[1]))), 3)
 
 
 def _word(number: int) -> int:

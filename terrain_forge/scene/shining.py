@@ -25,6 +25,7 @@ from terrain_forge.scene.lanes import (
     FLAT_Z,
     HIT_X,
     HIT_Y,
+    HIT_Z,
     OPEN,
     OWN_X,
     OWN_Y,
@@ -117,8 +118,24 @@ def _pressed(space, lane, wheels, sideways, along, cos, sin):  # type: ignore[no
     return depth, tread * cos - edge * sin, tread * sin + edge * cos
 
 
-_GROUND, _LAND, _STEEP = (np.float32(n) for n in (-1.0, -3.0, 0.3))
+_GROUND, _LAND, _FAR_SCALE = (np.float32(n) for n in (-1.0, -3.0, 1.0))
 _KEPT, _DARKER = np.float32(0.45), np.float32(0.3)
+
+
+@merged
+def _grow_far_face(space, lane, stage):  # type: ignore[no-untyped-def]
+    """The rough face of a rock beyond the edge, whose own frame nobody knows any more."""
+    own = space[HIT_X + lane], space[HIT_Y + lane], space[HIT_Z + lane]
+    facing = space[FLAT_X + lane], space[FLAT_Y + lane], space[FLAT_Z + lane]
+    found = tile_at(stage.tile, own, facing, _FAR_SCALE, space[FOOTPRINT + lane])
+    set_unit(
+        space, BENT_X, lane,
+        space[SMOOTH_X + lane] - np.float32(found[1]),
+        space[SMOOTH_Y + lane] - np.float32(found[2]),
+        space[SMOOTH_Z + lane] - np.float32(found[3]),
+    )  # fmt: skip
+    for channel in range(stage.nodes.shape[2] - GROUND_RGB):
+        space[RGB + LANES * channel + lane] *= _1 + _SPOTS * np.float32(found[0])
 
 
 @merged
@@ -132,7 +149,8 @@ def _grow_ground(space, stage, relief, octaves, keys, owner, wheels, behind, anc
     for lane in range(LANES):
         if space[OWNER + lane] != owner:
             continue
-        if space[SMOOTH_Z + lane] < _STEEP:  # a rock's face beyond the edge: no soil lies on it
+        if owner == _LAND and space[WIDE + lane] > _0:
+            _grow_far_face(space, lane, stage)
             continue
         depth, track_x, track_y = _0, _0, _0
         if owner == _GROUND:

@@ -11,6 +11,7 @@ from terrain_forge.base import Array, kernel, linear_from_srgb
 from terrain_forge.model import Lighting
 from terrain_forge.scene.buffers import prepare_light, prepare_stones, resampled
 from terrain_forge.scene.camera import Camera
+from terrain_forge.scene.relief import roughness
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.skylight import sky_shares
 from terrain_forge.sky import earth_disc, sky_points
@@ -63,6 +64,10 @@ class Stage(NamedTuple):
     """Where its triangles begin in `faces`."""
     land_corner: int
     """Where its corners begin in `normals`."""
+    land_rock: int
+    """Which of its triangles is the first of a rock."""
+    rough: np.float32
+    """RMS slope of the ground's short waves along an axis."""
     usual: tuple[np.float32, np.float32, np.float32]
     """Grain of the land beyond the site."""
     sun: tuple[np.float32, np.float32, np.float32]
@@ -158,6 +163,8 @@ def prepare_stage(
         land=bands(land, channels),
         land_face=len(stones.faces),
         land_corner=len(stones.normals),
+        land_rock=beyond.ground_faces if beyond is not None else 0,
+        rough=np.float32(roughness(nodes[..., SLOPE_X], nodes[..., SLOPE_Y], ground.spacing)),
         usual=triple32(subject.usual_grain),
         sun=triple32(light.towards_sun),
         sun_up=triple32(light.upwards),

@@ -35,9 +35,17 @@ def rock_tints(ids: NDArray[np.int32], seed: int) -> NDArray[np.int64]:
 def tint_colours(world: World) -> Array:
     """Linear colours of the populations' rocks, shape [populations, TINTS, 3]."""
     bare = linear_from_srgb(world.appearance.rock_rgb / 255.0)[:, None, :]
+    return tints_of(bare, soil_colour(world))
+
+
+def tints_of(bare: Array, soil: Array) -> Array:
+    """The colours that rocks of a linear colour have on such soil, shape [..., TINTS, 3].
+
+    `bare` has the shape [..., 1, 3].
+    """
     tone, dust = _TINTS[:, :1], _TINTS[:, 1:]
     colours = tone * bare
-    return np.asarray(np.minimum(colours + dust * (soil_colour(world) - colours), 1.0))
+    return np.asarray(np.minimum(colours + dust * (soil - colours), 1.0))
 
 
 def dusty_factors(world: World, population: int, up: Array) -> Array:
@@ -51,7 +59,12 @@ def dusty_factors(world: World, population: int, up: Array) -> Array:
 
 def dust_share(world: World, up: Array) -> Array:
     """How much of the soil's colour lies on what rises so far, 0 to 1."""
-    most = TOP_DUST if max(world.lighting.sky_rgb) > 0.0 else TOP_DUST_AIRLESS
+    return dust_on(up, airy=max(world.lighting.sky_rgb) > 0.0)
+
+
+def dust_on(up: Array, *, airy: bool) -> Array:
+    """As `dust_share`, on a body with air or without."""
+    most = TOP_DUST if airy else TOP_DUST_AIRLESS
     return np.asarray(most * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0))
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, portable, stage_key, uniforms
 from terrain_forge.model import Bounds, Mesh, RockLibrary, Site
 from terrain_forge.rocks.populations import PopulationSpec
+from terrain_forge.rocks.shapes.simplification import simplify
 
 _MOST_VERTICES = 12_000
 """Rocks are drawn, those that look largest from the border first, until they have about as many."""
@@ -24,6 +25,10 @@ _ANGLES = portable.power(2.0, np.arange(-320, 1) / 16.0)
 """Smallest diameters of drawn rocks over their distance from that eye, to choose from."""
 _STEPS = 257
 _DRAWS = 6
+_LEVELS = (0.05, 0.25)
+"""Diameters over their distance from that eye from which on rocks are drawn with the coarsest of
+their shape's meshes, and with the next finer; smaller ones have `_FEWEST` corners."""
+_FEWEST = 12
 _FOOT = 0.4
 """Where the ground under a rock is looked at, as a part of its diameter from its middle."""
 _FOOTING = 0.1
@@ -37,8 +42,8 @@ class RocksBeyond(NamedTuple):
     """All of them, in the world frame [m]."""
     population: NDArray[np.int64]
     """Index of the population that each vertex is of, shape [vertices]."""
-    tone: Array
-    """How much lighter or darker than its population each vertex is, shape [vertices]."""
+    draw: Array
+    """A draw of 0 to 1 of each vertex's rock, for its tone, shape [vertices]."""
     number: int
     """How many rocks they are."""
 
@@ -81,35 +86,43 @@ def rocks_beyond(
         width: Of the belt [m].
         height_at: Height of the ground beyond at points east and north [m].
     """
-    shapes = [_Shape.of(prototype.meshes[-1]) for prototype in library.prototypes]
-    each = sum(len(shape.vertices) for shape in shapes) / len(shapes)
-    strips = _strips(populations, bounds, width, _MOST_VERTICES / each)
-    vertices, faces, population, tone = [np.empty((0, 3))], [_NO_FACES], [_NO], [np.empty(0)]
+    shapes = [_shape_levels(prototype.meshes) for prototype in library.prototypes]
+    corners = np.mean([[len(level.vertices) for level in shape] for shape in shapes], axis=0)
+    strips = _strips(populations, bounds, width, corners)
+    vertices, faces, population, draw = [np.empty((0, 3))], [_NO_FACES], [_NO], [np.empty(0)]
     count = first = 0
     for number, spec in enumerate(populations):
-        drawn = np.concatenate(
-            [_draw(site, spec, strip, bounds, n) for n, strip in enumerate(strips)]
-        )
+        each = [_draw(site, spec, strip, bounds, n) for n, strip in enumerate(strips)]
+        drawn, away = np.concatenate(each), np.repeat([s.inner for s in strips], [*map(len, each)])
         foot = _FOOT * drawn[:, 2]
         around = [height_at(drawn[:, 0] + a * foot, drawn[:, 1] + b * foot) for a, b in _AROUND]
         ground = np.min(around, axis=0)
         which = np.minimum((drawn[:, 3] * len(shapes)).astype(np.int64), len(shapes) - 1)
+        fineness = np.searchsorted(_LEVELS, drawn[:, 2] / (_NEAR + away), side="right")
+        which = which * len(corners) + fineness
         for index in np.unique(which).tolist():
-            chosen, shape = drawn[which == index], shapes[index]
+            chosen, shape = drawn[which == index], shapes[index // len(corners)]
+            shape = shape[index % len(corners)]
             points = _placed(chosen, shape, spec, ground[which == index])
             starts = first + np.arange(len(chosen))[:, None, None] * points.shape[1]
             vertices.append(points.reshape(-1, 3))
             faces.append((starts + shape.faces).reshape(-1, 3))
             population.append(np.full(len(vertices[-1]), number))
-            tone.append(np.repeat(0.75 + 0.5 * chosen[:, 5], points.shape[1]))
+            draw.append(np.repeat(chosen[:, 5], points.shape[1]))
             first += len(vertices[-1])
         count += len(drawn)
     return RocksBeyond(
         mesh=Mesh(vertices=np.concatenate(vertices), faces=np.concatenate(faces)),
         population=np.concatenate(population),
-        tone=np.concatenate(tone),
+        draw=np.concatenate(draw),
         number=count,
     )
+
+
+def _shape_levels(meshes: tuple[Mesh, ...]) -> tuple[_Shape, ...]:
+    """A shape with few corners, with more, and with most."""
+    levels = simplify(meshes[-1], _FEWEST), meshes[-1], meshes[max(len(meshes) - 2, 0)]
+    return tuple(map(_Shape.of, levels))
 
 
 class _Strip(NamedTuple):
@@ -125,29 +138,31 @@ class _Strip(NamedTuple):
 
 
 def _strips(
-    populations: tuple[PopulationSpec, ...], bounds: Bounds, width: float, most: float
+    populations: tuple[PopulationSpec, ...], bounds: Bounds, width: float, corners: Array
 ) -> list[_Strip]:
-    """The belt's strips with no more rocks expected than are drawn."""
+    """The belt's strips with no more corners expected than are drawn."""
     west, south, east, north = bounds
     edges = width * (np.arange(_STRIPS + 1.0) / _STRIPS) ** 2
     inner, outer = edges[:-1], edges[1:]
     areas = 2.0 * (outer - inner) * (east - west + north - south + 2.0 * (outer + inner))
 
-    def least(angle: float) -> list[float]:
-        sizes: list[float] = np.maximum(angle * (_NEAR + inner), _SMALLEST).tolist()
-        return sizes
+    finer = (_NEAR + inner)[:, None] * np.array([*_LEVELS, np.inf])
+
+    def least(angle: float) -> Array:
+        return np.asarray(np.maximum(angle * (_NEAR + inner), _SMALLEST))
 
     def too_many(angle: float) -> bool:
-        table = [*zip(areas.tolist(), least(angle), strict=True)]
-        expected = [
-            area * spec.density(*_between(spec, size))
-            for spec in populations
-            for area, size in table
-        ]
-        return bool(sum(expected) > most)
+        sizes = least(angle)[:, None]
+        edges = np.concatenate([sizes, np.maximum(finer, sizes)], axis=1)
+        expected = 0.0
+        for spec in populations:
+            above = spec.size_frequency.cumulative_number(np.clip(edges, *spec.diameters))
+            each = areas[:, None] * (above[:, :-1] - above[:, 1:])
+            expected += float((each * corners).sum())
+        return expected > _MOST_VERTICES
 
     chosen = _ANGLES[bisect_left(_ANGLES[:-1], True, key=lambda angle: not too_many(angle))]
-    table = inner.tolist(), outer.tolist(), areas.tolist(), least(chosen)
+    table = inner.tolist(), outer.tolist(), areas.tolist(), least(chosen).tolist()
     return [*map(_Strip, *table)]
 
 
@@ -167,7 +182,7 @@ def _draw(site: Site, spec: PopulationSpec, strip: _Strip, bounds: Bounds, numbe
     drawn = uniforms(key, 1 + _DRAWS * count)[1:].reshape(count, _DRAWS)
     sizes = portable.geomspace(low, high, _STEPS)
     law = spec.size_frequency
-    above = np.array([float(law.cumulative_number(size)) for size in sizes.tolist()])
+    above = law.cumulative_number(sizes)
     wanted = above[-1] + drawn[:, 2] * (above[0] - above[-1])
     size = np.interp(wanted, above[::-1], sizes[::-1])
     x, y = _around_bounds(drawn[:, :2], strip, bounds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from terrain_forge.base import compass_to_direction
 from terrain_forge.model import MOON, Mesh, Window
@@ -161,6 +162,28 @@ def test_a_map_is_lit_alike_on_both_sides_of_the_border(small_world):
     image = aerial(worlds.with_horizon(bare), width=280, height=200).astype(float)
     within, beyond = image[60:140, 60:220].mean(), image[:, :15].mean()  # from 2 m on, in 0.1 m
     assert beyond == pytest.approx(within, rel=0.05)
+
+
+def test_ground_beyond_the_border_is_as_rough_to_the_eye_as_that_within(small_world):
+    """Its rings hold no waves so short: what a pixel shows of them is made for the eye."""
+    grey = np.full_like(small_world.appearance.ground_rgb, 107)
+    rows, columns = grey.shape[:2]
+    spacing = small_world.ground.spacing
+    noise = np.random.default_rng(4).normal(size=(rows, columns))
+    waves = gaussian_filter(noise, 0.15 / spacing)
+    ratios = []
+    for rise in (0.05, 0.2):
+        slopes = np.hypot(*np.gradient(waves, spacing)) / np.sqrt(2.0)
+        rough = waves * rise / np.sqrt((slopes**2).mean())
+        bare = small_world.replace(
+            ground=small_world.ground.replace(elevation=rough),
+            appearance=small_world.appearance.replace(ground_rgb=grey),
+            field=small_world.field.select(np.arange(0)),
+        )
+        image = aerial(worlds.with_horizon(bare), width=280, height=200).astype(float)
+        within, beyond = image[60:140, 60:220].std(), image[:, :15].std()
+        ratios.append(beyond / within)
+    np.testing.assert_allclose(ratios, 1.0, atol=0.35)
 
 
 def test_what_leans_over_beyond_the_border_is_lit_by_the_sun_before_it(small_world):

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rasterio
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from terrain_forge.base import DataError, RecipeError
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm
@@ -185,6 +187,26 @@ def test_rocks_beyond_are_as_many_as_the_law_says_and_lie_outside(tmp_path):
     assert bare[2].rocks == 0
     nothing = recipe(FlatDtm(size_m=(64.0, 48.0)), HorizonSpec(reach_m=0))
     assert made(nothing, tmp_path)[2] is None
+
+
+def test_small_rocks_next_to_the_border_have_few_corners(tmp_path):
+    law = Golombek(k=0.1)
+    rocks = RocksSpec(
+        populations=(PopulationSpec(name="r", size_frequency=law, diameter_m=(0.1, 2.0)),)
+    )
+    _, _, horizon = made(recipe(FlatDtm(size_m=(32.0, 32.0)), rocks=rocks), tmp_path)
+    stones = horizon.mesh.vertices[horizon.ground_vertices :]
+    assert horizon.rocks > 600
+    assert len(stones) < 14_000
+    faces = horizon.mesh.faces[horizon.ground_faces :] - horizon.ground_vertices
+    joined = coo_matrix((np.ones(len(faces) * 2), (faces[:, [0, 1]].ravel(), faces[:, 1:].ravel())))
+    count, which = connected_components(joined, directed=False)
+    assert count == horizon.rocks
+    corners = np.bincount(which)
+    wide = np.array([np.ptp(stones[which == n, :2], axis=0).max() for n in range(count)])
+    away = np.array([np.abs(stones[which == n, :2]).max(axis=1).min() - 16.0 for n in range(count)])
+    assert corners[wide < 0.4].max() == corners.min() == 12 < corners.max()
+    assert wide[away < 2.0].min() < 0.4 < wide[away > 25.0].min()
 
 
 def test_the_horizon_is_saved_with_the_world(tmp_path):
