@@ -148,7 +148,7 @@ def relief_about(
     )
 
 
-def roughness(slope_x: Array, slope_y: Array, spacing: float) -> float:
+def roughness(slope_x: NDArray[np.float32], slope_y: NDArray[np.float32], spacing: float) -> float:
     """RMS slope along an axis of a ground's waves shorter than about `FAR_COARSEST` [m].
 
     Of the middle one of square blocks half as wide, so that craters and banks do not count.
