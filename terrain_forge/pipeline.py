@@ -25,7 +25,9 @@ from terrain_forge.recipe import (
     DatasetSpec,
     ExportOrder,
     Recipe,
+    RecipeFile,
     export_orders,
+    given_recipe,
     input_paths,
     require_exports,
     require_fits,
@@ -87,7 +89,7 @@ def realise(
 
 
 def build(
-    recipe: Recipe,
+    recipe: Recipe | RecipeFile | Path | str,
     out: Path | str | None = None,
     *,
     folder: Path | str = ".",
@@ -104,10 +106,10 @@ def build(
     has left whole stays, and the next one goes on (docs/sites.md).
 
     Args:
-        recipe: what to make.
+        recipe: what to make, or its file.
         out: output folder; by default the recipe's name in the current folder. An older world
             of ours is replaced when the new one is whole.
-        folder: what the recipe's paths are relative to.
+        folder: what the recipe's paths are relative to; of a file, its own folder.
         only: folders of the exports to write; by default all of the recipe.
         force: whether files may be removed that lie in the older world and are not its own.
         workers: processes that make tiles, by default one for each core; no number changes a byte.
@@ -121,6 +123,7 @@ def build(
             or another process writes it.
         StorageError: the disk does not take the world; an older one stays.
     """
+    recipe, folder = given_recipe(recipe, folder)
     out = resolved(out or recipe.name)
     with watched(progress, STAGES) as watch:
         watch("plan")
@@ -416,14 +419,15 @@ def record(
         return recorded
 
 
-def check(recipe: Recipe, *, folder: Path | str = ".") -> Iterator[str]:
-    """Lines that say what a recipe will make; the DTM comes first, even where it cannot serve.
+def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".") -> Iterator[str]:
+    """Lines that say what a recipe or its file will make; the DTM first, even if it cannot serve.
 
     Nothing is fetched: where the DTM is not at hand, only what a build would fetch is told.
 
     Raises:
         RecipeError, DataError: if the recipe cannot be built.
     """
+    recipe, folder = given_recipe(recipe, folder)
     missing = list(building.fetch_lines(recipe))
     yield from missing or building.dtm_lines(recipe, Path(folder))
     if missing:

@@ -17,6 +17,8 @@ from terrain_forge.paths import plan_routes
 from terrain_forge.recipe import (
     InputFiles,
     Recipe,
+    RecipeFile,
+    given_recipe,
     in_tiles,
     recipe_from_json,
     recipe_json,
@@ -81,18 +83,18 @@ class Draft:
         return self.named.tiles is None and not found
 
 
-def draft(recipe: Recipe, *, folder: Path | str = ".") -> Draft:
+def draft(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".") -> Draft:
     """Check a recipe as far as it goes without its heights: a moment, and no kernel is needed.
 
     Args:
-        recipe: what to make.
-        folder: what the recipe's paths are relative to.
+        recipe: what to make, or its file.
+        folder: what the recipe's paths are relative to; of a file, its own folder.
 
     Raises:
         RecipeError, DataError: if it cannot be built.
     """
-    folder = Path(folder)
-    recipe = recipe_from_json(recipe_json(recipe))  # whoever made it, it is checked here
+    given, folder = given_recipe(recipe, folder)
+    recipe = recipe_from_json(recipe_json(given))  # whoever made it, it is checked here
     if isinstance(recipe.dtm, RasterDtm):
         recipe = replace(recipe, dtm=expanded(recipe.dtm))
     inputs = InputFiles(recipe, folder)
@@ -126,7 +128,7 @@ def draft(recipe: Recipe, *, folder: Path | str = ".") -> Draft:
 
 
 def plan(
-    recipe: Recipe,
+    recipe: Recipe | RecipeFile | Path | str,
     *,
     folder: Path | str = ".",
     heights: NDArray[np.float64] | None = None,
@@ -139,8 +141,8 @@ def plan(
     the cache.
 
     Args:
-        recipe: what to make.
-        folder: what the recipe's paths are relative to.
+        recipe: what to make, or its file.
+        folder: what the recipe's paths are relative to; of a file, its own folder.
         heights: the heights [m] of a recipe with `dtm: {kind: array}`, rows running north.
         by_night: whether the Sun may be below the horizon; no world can be made of such a site.
         progress: called with the share of a terrain model that is fetched.

@@ -5,6 +5,7 @@ from .exports import RESERVED as RESERVED
 from .exports import ExportOrder as ExportOrder
 from .exports import export_orders as export_orders
 from .file import RecipeFile as RecipeFile
+from .file import given_recipe as given_recipe
 from .file import load_recipe as load_recipe
 from .file import read_mapping as read_mapping
 from .file import save_recipe as save_recipe

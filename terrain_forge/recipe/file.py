@@ -76,6 +76,21 @@ class RecipeFile:
         return _locate(self.path, self.lines, error.key, str(error)) if error.key else str(error)
 
 
+def given_recipe(
+    recipe: Recipe | RecipeFile | Path | str, folder: Path | str
+) -> tuple[Recipe, Path]:
+    """A recipe, and what its paths are relative to: of a file, its own folder.
+
+    Raises:
+        RecipeError: if the file is no recipe.
+    """
+    if isinstance(recipe, Path | str):
+        recipe = load_recipe(recipe)
+    if isinstance(recipe, RecipeFile):
+        return recipe.recipe, recipe.folder
+    return recipe, Path(folder)
+
+
 def load_recipe(
     path: Path | str,
     *,

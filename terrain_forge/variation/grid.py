@@ -22,7 +22,7 @@ from terrain_forge.recipe import (
     Recipe,
     RecipeFile,
     WorldsSpec,
-    load_recipe,
+    given_recipe,
     machine_memory,
     memory_needed,
     recipe_from_json,
@@ -67,9 +67,7 @@ def make_grid(
         RecipeError, DataError, OutputError, StorageError: as `build`; also for a scene of more
             worlds than a series has, or that does not fit into memory or a format.
     """
-    given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
-    if isinstance(given, RecipeFile):
-        folder, given = given.folder, given.recipe
+    given, folder = given_recipe(recipe, folder)
     recipe, folder = recipe_from_json(recipe_json(given)), resolved(folder)
     out = resolved(out)
     require_ours(out)

@@ -51,8 +51,8 @@ from terrain_forge.recipe import (
     Recipe,
     RecipeFile,
     WorldsSpec,
+    given_recipe,
     input_paths,
-    load_recipe,
     recipe_from_json,
     recipe_json,
 )
@@ -119,9 +119,7 @@ def worlds(
         StorageError: if the disk does not take it.
         KeyboardInterrupt: with how far it came.
     """
-    given = load_recipe(recipe) if isinstance(recipe, Path | str) else recipe
-    if isinstance(given, RecipeFile):
-        folder, given = given.folder, given.recipe
+    given, folder = given_recipe(recipe, folder)
     recipe = recipe_from_json(recipe_json(given))
     folder, out = resolved(folder), resolved(out)
     count = (recipe.worlds or WorldsSpec()).count if count is None else count
