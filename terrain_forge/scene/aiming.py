@@ -23,6 +23,7 @@ from terrain_forge.scene.lanes import (
     OWNER,
     RANGE,
     STEP,
+    WIDE,
 )
 from terrain_forge.scene.packets import (
     ACTIVE,
@@ -227,7 +228,8 @@ def ask_sun(space, lane, ray, word, stage, a, b):  # type: ignore[no-untyped-def
     flat = (space[FLAT_X + lane], space[FLAT_Y + lane], space[FLAT_Z + lane])
     rise = towards[0] * flat[0] + towards[1] * flat[1] + towards[2] * flat[2]
     # The ground is smoother than its triangles: those that the Sun lies behind may be lit.
-    if owner == np.float32(-2.0) or (rise <= _0 and owner != -_1):
+    smooth = owner == -_1 or (owner == np.float32(-3.0) and space[WIDE + lane] == _0)
+    if owner == np.float32(-2.0) or (rise <= _0 and not smooth):
         word[ACTIVE, lane] = 0
         return False
     # Half a pixel at most, where it is a look through a telescope.

@@ -118,14 +118,30 @@ def _meet_land(space, lane, ray, word, stage):  # type: ignore[no-untyped-def]
     space[OPEN + lane] = _1 if stage.haze < np.inf else _0
     space[PEBBLY + lane], space[ROUGH + lane] = stage.usual[0], stage.usual[1]
     space[SLABBY + lane] = stage.usual[2]
-    space[WIDE + lane] = _1 if np.int64(word[TRIANGLE, lane]) >= stage.land_rock else _0
     first, land = stage.land_corner, stage.land
+    space[WIDE + lane] = _1
+    if np.int64(word[TRIANGLE, lane]) < stage.land_rock:
+        space[WIDE + lane] = _0
+        space[LIFT + lane] = (
+            (_1 - u - v) * _over(space, lane, stage, a)
+            + u * _over(space, lane, stage, b)
+            + v * _over(space, lane, stage, c)
+        )
     for channel in range(land.shape[1]):
         space[RGB + LANES * channel + lane] = (
             (_1 - u - v) * land[a - first, channel]
             + u * land[b - first, channel]
             + v * land[c - first, channel]
         )
+
+
+@merged
+def _over(space, lane, stage, corner):  # type: ignore[no-untyped-def]
+    """How far the plane of a corner's normal lies over a lane's place on the land beyond [m]."""
+    point, normal = stage.land_points[corner - stage.land_corner], stage.normals[corner]
+    x, y = space[HIT_X + lane] - point[0], space[HIT_Y + lane] - point[1]
+    fall = (normal[0] * x + normal[1] * y) / max(normal[2], _TINY)
+    return max(_0, point[2] - fall - space[HIT_Z + lane])
 
 
 @merged

@@ -64,6 +64,8 @@ class Stage(NamedTuple):
     """Where its triangles begin in `faces`."""
     land_corner: int
     """Where its corners begin in `normals`."""
+    land_points: NDArray[np.float32]
+    """Their places in the scene's frame [m], shape [vertices, 3]."""
     land_rock: int
     """Which of its triangles is the first of a rock."""
     rough: np.float32
@@ -137,11 +139,13 @@ def prepare_stage(
     rocks[:, TURN:SIZE] = stones.rotation.reshape(-1, 9)
     rocks[:, ROCK_RGB:] = bands(stones.rgb, channels)
     colours = light.sun, light.sky, light.bounce, light.even
-    faces, normals, land = stones.faces, stones.normals, np.empty((0, 3))
+    faces, normals = stones.faces, stones.normals
+    land, land_points = np.empty((0, 3)), np.empty((0, 3))
     if (beyond := subject.horizon) is not None:
         faces = np.concatenate([faces, beyond.mesh.faces + len(normals)])
         normals = np.concatenate([normals, beyond.normals])
         land = linear_from_srgb(np.arange(256) / 255.0)[beyond.rgb]
+        land_points = beyond.mesh.vertices - scene.origin
     points, point_rgb = sky_points(lighting)
     lowest = np.float32(0.0 if beyond is None else -1.0)
     shown = points[:, 2] > lowest
@@ -163,6 +167,7 @@ def prepare_stage(
         land=bands(land, channels),
         land_face=len(stones.faces),
         land_corner=len(stones.normals),
+        land_points=land_points.astype(np.float32),
         land_rock=beyond.ground_faces if beyond is not None else 0,
         rough=np.float32(roughness(nodes[..., SLOPE_X], nodes[..., SLOPE_Y], ground.spacing)),
         usual=triple32(subject.usual_grain),

@@ -223,6 +223,36 @@ def test_what_leans_over_beyond_the_border_is_lit_by_the_sun_before_it(small_wor
     assert seen[0] > 1.4 * seen[1]
 
 
+def test_hills_beyond_the_border_show_no_triangles_where_the_sun_grazes_them(flat_world):
+    """Coarse triangles shade themselves and each other where the smooth hill is lit."""
+    world = worlds.with_horizon(flat_world.replace(field=flat_world.field.select(np.arange(0))))
+    steps = np.linspace(-30.0, 30.0, 13)
+    x, y = (part.ravel() for part in np.meshgrid(steps, steps))
+    middle, bend = world.ground.bounds[2] + 31.0, 1.0 / 60.0
+    hill = np.column_stack([x + middle, y, -0.5 * bend * (x * x + y * y)])
+    normals = np.column_stack([bend * x, bend * y, np.ones_like(x)])
+    corner = np.add.outer(13 * np.arange(12), np.arange(12)).ravel()
+    faces = [(corner, corner + 1, corner + 14), (corner, corner + 14, corner + 13)]
+    horizon = world.horizon.replace(
+        mesh=Mesh(
+            vertices=hill,
+            faces=np.concatenate([np.column_stack(three) for three in faces]).astype(np.int32),
+        ),
+        normals=normals / np.linalg.norm(normals, axis=1)[:, None],
+        rgb=np.full((len(hill), 3), 120.0),
+        ground_vertices=len(hill),
+        ground_faces=2 * len(corner),
+    )
+    sun = {"sun_azimuth": np.radians(90.0), "sun_elevation": np.radians(10.0)}
+    world = world.replace(horizon=horizon, lighting=world.lighting.replace(**sun))
+    camera = map_camera(middle=(middle, 0), top=100, pixel=0.2, width=250, height=250)
+    with open_scene(world) as scene:
+        picture = take_picture(scene, camera).astype(float).mean(axis=-1)
+    along = picture.mean(axis=0)
+    assert np.ptp(along) > 100.0
+    assert np.abs(np.diff(along)).max() < 10.0
+
+
 def test_world_without_rocks_and_paths_has_a_picture(flat_world):
     bare = flat_world.replace(field=flat_world.field.select(np.arange(0)))
     assert render_preview(bare, width=64, height=36).shape == (36, 64, 3)
