@@ -159,6 +159,10 @@ class Soil(Record):
     """Colour of level ground as a well exposed camera shows it, sRGB 0 to 1."""
     rock_rgb: RGB | None = None
     """Colour of the rocks on it; None for that of the body's rocks."""
+    pebbles: float = 0.6
+    """Share of places that hold a pebble too small to be a rock, in pictures alone, 0 to 1."""
+    roughness: float = 1.0
+    """Rise of its fine relief over that of usual regolith, in pictures alone."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

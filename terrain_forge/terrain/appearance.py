@@ -165,10 +165,10 @@ def paint(
     """
     terrain = site.recipe.terrain
     spec = terrain.appearance
-    soil = linear_from_srgb(spec.ground_rgb or _soil(site, spec).rgb)
-    materials = ground_materials(terrain.materials, body=site.body, soil_rgb=soil)
+    soil = _soil(site, spec)
+    materials = ground_materials(terrain.materials, body=site.body, soil=soil)
     material = _classes(site, window, ground, terrain.materials)
-    rock_rgb = _soil(site, spec).rock_rgb or site.body.rock_rgb
+    rock_rgb = soil.rock_rgb or site.body.rock_rgb
     colours = [group.rgb or rock_rgb for group in site.recipe.rocks.groups]
     return Appearance(
         ground_rgb=colour_ground(
@@ -207,9 +207,11 @@ def _classes(
 
 
 def _soil(site: Site, spec: AppearanceSpec) -> Soil:
-    """The soil that a recipe names, or the body's usual one."""
+    """The soil that a recipe names, or the body's usual one, in its colour or the recipe's."""
     named = {soil.name: soil for soil in site.body.soils}
-    return named[spec.regolith] if spec.regolith else Soil(name="", rgb=site.body.ground_rgb)
+    if spec.regolith:
+        return named[spec.regolith]
+    return Soil(name="", rgb=spec.ground_rgb or site.body.ground_rgb)
 
 
 def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:

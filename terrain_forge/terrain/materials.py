@@ -27,7 +27,7 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import Body, GroundMaterial, Heightfield, Site, Window
+from terrain_forge.model import Body, GroundMaterial, Heightfield, Site, Soil, Window
 from terrain_forge.terrain.masks import Mask, mask_weight
 from terrain_forge.terrain.noise import octaves
 
@@ -137,11 +137,11 @@ def check_materials(specs: tuple[MaterialSpec, ...], site: Site) -> None:
 
 
 def ground_materials(
-    specs: tuple[MaterialSpec, ...], *, body: Body, soil_rgb: Array
+    specs: tuple[MaterialSpec, ...], *, body: Body, soil: Soil
 ) -> tuple[GroundMaterial, ...]:
-    """The regolith and the materials on it; `soil_rgb` is the linear colour of the regolith."""
+    """The regolith, which is such soil, and the materials on it."""
     usual = MaterialSpec(kind="regolith", name="ground", cover=0.5)
-    return tuple(_made(spec, body, soil_rgb) for spec in (usual, *specs))
+    return tuple(_made(spec, body, soil) for spec in (usual, *specs))
 
 
 def soil_tint(kind: str, body: Body) -> Array:
@@ -150,14 +150,17 @@ def soil_tint(kind: str, body: Body) -> Array:
     return np.array(found.airless if body.airless else found.windy)
 
 
-def _made(spec: MaterialSpec, body: Body, soil_rgb: Array) -> GroundMaterial:
+def _made(spec: MaterialSpec, body: Body, soil: Soil) -> GroundMaterial:
     kind, friction = _KINDS[spec.kind], body.friction
+    if spec.kind == "regolith":
+        kind = kind._replace(pebbles=soil.pebbles, roughness=soil.roughness)
     of_kind = {
         "usual": friction.regolith.coefficient,
         "loose": friction.regolith.lowest,
         "bedrock": friction.bedrock.coefficient,
     }[kind.surface]
-    own = linear_from_srgb(spec.rgb) if spec.rgb else soil_rgb * soil_tint(spec.kind, body)
+    of_soil = linear_from_srgb(soil.rgb) * soil_tint(spec.kind, body)
+    own = linear_from_srgb(spec.rgb) if spec.rgb else of_soil
     return GroundMaterial(
         name=spec.label,
         kind=spec.kind,

@@ -48,9 +48,9 @@ MARS = Body(
     sky_rgb=(0.78, 0.50, 0.40),
     ground_rgb=(0.50, 0.37, 0.28),
     soils=(
-        Soil(name="mars_dust", rgb=(0.59, 0.42, 0.31)),
+        Soil(name="mars_dust", rgb=(0.59, 0.42, 0.31), pebbles=0.12, roughness=0.6),
         Soil(name="mars_plains", rgb=(0.50, 0.37, 0.28)),
-        Soil(name="mars_sand", rgb=(0.36, 0.30, 0.25)),
+        Soil(name="mars_sand", rgb=(0.36, 0.30, 0.25), pebbles=0.02, roughness=0.45),
     ),
     rock_rgb=(0.36, 0.31, 0.27),
     rock_density=2900.0,

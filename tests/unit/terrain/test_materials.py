@@ -63,6 +63,25 @@ def test_materials_lie_where_their_masks_let_them_and_hide_those_before(world):
     assert red[looks.material == 1].mean() > red[looks.material == 0].mean() > red[sand].mean()
 
 
+def test_the_soil_of_a_named_regolith_is_as_pebbly_as_its_material():
+    """Wherever regolith lies; what lies on it is as it was."""
+    plains, sand = (
+        realise(
+            plan(
+                recipe_from_json(json.dumps(
+                    {"name": "soils", "body": "mars", "dtm": {"kind": "flat", "size_m": [8, 8]},
+                     "terrain": {"spacing_m": 0.5, "materials": SOILS,
+                                 "appearance": {"regolith": soil}}}
+                ))
+            )
+        ).appearance.materials
+        for soil in ("mars_plains", "mars_sand")
+    )  # fmt: skip
+    assert sand[0].pebbles == sand[3].pebbles < 0.1 < 0.5 < plains[0].pebbles
+    assert sand[0].roughness == sand[3].roughness < plains[0].roughness
+    assert [m.pebbles for m in sand[1:]] == [m.pebbles for m in plains[1:]]
+
+
 @pytest.mark.parametrize("cover", [0.01, 0.05, 0.3, 0.8, 0.98])
 @pytest.mark.parametrize("patch", [0.1, 1.0])
 def test_a_material_covers_the_share_that_it_says(cover, patch):
