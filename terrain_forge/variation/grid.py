@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from terrain_forge.base import Array, OutputError, Progress, Stopwatch, resolved, silent
+from terrain_forge.base import (
+    Array,
+    OutputError,
+    Progress,
+    RecipeError,
+    RecipeWarning,
+    Stopwatch,
+    dotted,
+    resolved,
+    silent,
+)
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_world, plan
-from terrain_forge.model import Appearance, Heightfield, World
+from terrain_forge.model import Heightfield, World
 from terrain_forge.recipe import (
     MOST_WORLDS,
     DifficultySpec,
     ExportOrder,
     Recipe,
     RecipeFile,
+    Variation,
     WorldsSpec,
     given_recipe,
     machine_memory,
@@ -28,14 +40,22 @@ from terrain_forge.recipe import (
     recipe_from_json,
     recipe_json,
     require_exports,
+    value_at,
 )
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
 from terrain_forge.variation.drawing import draw
+from terrain_forge.variation.mosaic import Mosaic
 from terrain_forge.variation.series import orders_of, summary_of
 
 BORDER = 4.0
 """Width of the border between worlds of a grid [m], half of which slopes to its flat middle."""
+_COMMON = (
+    *(("body",), ("rover",), ("sensors",), ("sun",), ("sky",), ("exports",)),
+    *(("rocks", "library"), ("dtm", "size_m"), ("terrain", "spacing_m")),
+    ("terrain", "appearance", "detail"),
+)
+"""What a scene has once."""
 
 
 def make_grid(
@@ -74,6 +94,7 @@ def make_grid(
     orders = orders_of(recipe, only)
     margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)
     _require_fits(recipe, shape, margin)
+    recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))
     whole, cells = _assembled(recipe, folder, shape, margin, orders, progress)
     with replacing(out) as directory:
         exports = tuple(write_export(whole, directory, order) for order in orders)
@@ -136,24 +157,23 @@ def _assembled(
     )
     require_exports(orders, site)
     elevation = np.zeros((rows * up + 1, columns * across + 1), np.float32)
-    colours = np.zeros((*elevation.shape, 3), np.uint8)
-    fields, cells, number = [], [], 0
+    looks, fields, cells, number = Mosaic(elevation.shape), [], [], 0
+    first: World | None = None
     for world, summary, row, column in _worlds(recipe, folder, shape):
+        first = first or world
         place = (
             slice(row * up, (row + 1) * up + 1),
             slice(column * across, (column + 1) * across + 1),
         )
         lifted, rise = _with_border(world.ground.elevation.astype(np.float64), margin)
         elevation[place] = lifted
-        edges = ((margin, margin), (margin, margin), (0, 0))
-        colours[place] = np.pad(world.appearance.ground_rgb, edges, mode="edge")
         middle = (
             site.west + (column + 0.5) * across * spacing,
             site.south + (row + 0.5) * up * spacing,
         )
         moved = world.field.position + np.array([*middle, rise])
         fields.append(
-            world.field.replace(
+            looks.add(world, place, margin).replace(
                 position=moved, id=number + np.arange(len(world.field), dtype=np.int32)
             )
         )
@@ -161,25 +181,23 @@ def _assembled(
         height = float(world.ground.height_at(0.0, 0.0)) + rise
         cells.append({"row": row, "column": column, "origin_m": [*middle, height], **summary})
         progress("worlds", len(cells) / (rows * columns))
-    field = fields[0].joined(*fields[1:])
-    ground = Heightfield(elevation=elevation, spacing=spacing, origin=(site.west, site.south))
+    assert first is not None  # a grid has a world
+    field = fields[0].joined(*fields[1:]).replace(populations=looks.populations)
     return (
         World(
             site=site,
             window=site.window,
-            ground=ground,
-            appearance=Appearance(
-                ground_rgb=colours,
-                rock_rgb=world.appearance.rock_rgb,
-                detail=world.appearance.detail,
+            ground=Heightfield(
+                elevation=elevation, spacing=spacing, origin=(site.west, site.south)
             ),
-            library=world.library,
+            appearance=looks.appearance(first.appearance.detail),
+            library=first.library,
             field=field,
             neighbours=field.select(np.zeros(len(field), np.bool_)),
             trajectories=(),
-            rover=world.rover,
-            lighting=world.lighting,
-            unplaced=world.unplaced,
+            rover=first.rover,
+            lighting=first.lighting,
+            unplaced=looks.unplaced,
         ),
         cells,
     )
@@ -198,9 +216,46 @@ def _worlds(
         level = low + (high - low) * (row / (rows - 1) if rows > 1 else 0.5)
         for column in range(columns):
             drawn = draw(recipe, row * columns + column, folder=folder, difficulty=level)
+            _require_common(drawn.recipe, recipe)
             site = drawn.site
             world = make_world(site, site.window, settled=True, progress=Stopwatch(silent))
             yield world, summary_of(drawn, world, spec.arrival), row, column
+
+
+def _without_common(spec: WorldsSpec) -> WorldsSpec:
+    """The wishes that worlds of one scene can have; warns of the others."""
+    varied: dict[str, Variation | Literal["anywhere"]] = {}
+    for name, wish in spec.vary.items():
+        steps = tuple(name.split("."))
+        once = next((key for key in _COMMON if steps[: len(key)] == key), None)
+        if once is None:
+            varied[name] = wish
+        else:
+            warnings.warn(
+                f"worlds.vary.{name} is the same in all of a grid, which has one {dotted(once)}: "
+                "the recipe's",
+                RecipeWarning,
+                stacklevel=3,
+            )
+    return replace(spec, vary=varied)
+
+
+def _require_common(own: Recipe, recipe: Recipe) -> None:
+    """Refuse a world that differs from the recipe in what a scene has once.
+
+    Raises:
+        RecipeError: names the key.
+    """
+    one, other = (json.loads(recipe_json(each)) for each in (recipe, own))
+    for key in _COMMON:
+        found = [value_at(plain, key) for plain in (one, other)]
+        if found[0] != found[1]:
+            told = " and ".join(json.dumps(value)[:60] for value in found)
+            raise RecipeError(
+                f"all worlds of a grid have one {dotted(key)}, found {told}: leave it as it is, "
+                "or ask for worlds apart with --count",
+                key=("worlds", "vary"),
+            )
 
 
 def _with_border(elevation: Array, margin: int) -> tuple[Array, float]:

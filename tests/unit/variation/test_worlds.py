@@ -16,6 +16,7 @@ import terrain_forge as tf
 from terrain_forge.building import read_manifest
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import exporter_names
+from terrain_forge.pipeline import realise
 from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
 from terrain_forge.variation.series import orders_of
 from tests.helpers.command_line import run
@@ -136,6 +137,7 @@ def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     def graded(plain: dict[str, Any]) -> None:
         plain["dtm"]["size_m"] = [12.0, 12.0]
         plain["worlds"]["difficulty"] = {"level": [0.0, 1.0], "rock_cover": [0.002, 0.3]}
+        del plain["worlds"]["vary"]
 
     out = make_grid(recipe(tmp_path, graded), tmp_path / "grid", shape=(3, 2))
     cells = json.loads((out / "grid.json").read_text())["worlds"]
@@ -149,6 +151,84 @@ def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     assert np.all(world.ground.elevation[:, ::columns] == 0.0)
     x, y, z = cells[3]["origin_m"]
     assert float(world.ground.height_at(x, y)) == pytest.approx(z, abs=1e-4)
+
+
+def test_worlds_of_a_grid_look_and_feel_as_they_do_alone(tmp_path: Path) -> None:
+    def painted(plain: dict[str, Any]) -> None:
+        plain["dtm"]["size_m"] = [6.0, 5.0]
+        plain["terrain"]["materials"] = [{"kind": "sand", "cover": 0.5, "patch_m": 2}]
+        plain["worlds"] = {
+            "difficulty": {"level": [0.7, 1.0]},
+            "vary": {
+                "terrain.materials.0.friction": {"choice": [0.2, 0.9]},
+                "rocks.populations.stones.rgb": {"choice": [[1, 0, 0], [0, 1, 0]]},
+            },
+        }
+
+    path = recipe(tmp_path, painted)
+    out = make_grid(path, tmp_path / "grid", shape=(2, 2), border=2.0)
+    cells = json.loads((out / "grid.json").read_text())["worlds"]
+    scene, site = tf.World.load(out), tf.load_recipe(path).recipe
+    looks = scene.appearance
+    assert (out / "truth" / "material.tif").is_file()
+    assert sorted(m.name for m in looks.materials) == ["ground", "sand", "sand-2"]
+    assert sorted(scene.field.populations) == ["stones", "stones-2"]
+    assert len({tuple(cell["drawn"]["rocks.populations.stones.rgb"]) for cell in cells}) == 2
+    for number, cell in enumerate(cells):
+        drawn = draw(site, number, folder=tmp_path, difficulty=cell["difficulty"])
+        alone = realise(drawn.site)
+        column, row = (
+            round((cell["origin_m"][axis] - scene.ground.origin[axis]) / 0.1) - half
+            for axis, half in ((0, 30), (1, 25))
+        )
+        part = np.s_[row : row + 51, column : column + 61]
+        friction = np.array([m.friction for m in looks.materials])[looks.material[part]]
+        wanted = np.array([m.friction for m in alone.appearance.materials])
+        np.testing.assert_array_equal(friction, wanted[alone.appearance.material])
+        np.testing.assert_array_equal(looks.ground_rgb[part], alone.appearance.ground_rgb)
+        east, north = scene.field.position[:, 0], scene.field.position[:, 1]
+        x, y, _ = cell["origin_m"]
+        inside = (np.abs(east - x) <= 3.0) & (np.abs(north - y) <= 2.5)
+        rgb = looks.rock_rgb[scene.field.population[inside]]
+        assert len(rgb)
+        assert (rgb == alone.appearance.rock_rgb[0]).all()
+
+
+def test_what_a_scene_has_once_is_the_recipes_in_a_grid(tmp_path: Path) -> None:
+    def varied(plain: dict[str, Any]) -> None:
+        plain["dtm"]["size_m"] = [6.0, 5.0]
+        plain["sun"] = {"elevation_deg": 33, "azimuth_deg": 10}
+        plain["worlds"]["vary"] = {
+            "rocks.library.seed": {"choice": [1, 2, 3]},
+            "body": {"choice": ["moon"]},
+            "dtm.size_m": {"choice": [[7, 5], [8, 5]]},
+            "terrain.spacing_m": {"choice": [0.25]},
+            "rover": {"choice": ["morpheus"]},
+            "sun.elevation_deg": {"uniform": [40, 50]},
+            "rocks.populations.0.density_kg_m3": {"uniform": [2000, 3000]},
+        }
+
+    with pytest.warns(
+        tf.RecipeWarning, match="is the same in all of a grid, which has one"
+    ) as told:
+        out = make_grid(recipe(tmp_path, varied), tmp_path / "grid", shape=(1, 2))
+    assert sum(issubclass(one.category, tf.RecipeWarning) for one in told) == 6
+    world = tf.World.load(out)
+    assert (world.site.body.name, world.rover.name) == ("mars", "skid4")
+    assert world.lighting.sun_elevation == pytest.approx(np.radians(33))
+    for cell in json.loads((out / "grid.json").read_text())["worlds"]:
+        assert {*cell["drawn"]} >= {"rocks.populations.0.density_kg_m3"}
+        assert not {*cell["drawn"]} & {"body", "rover", "dtm.size_m", "sun.elevation_deg"}
+
+
+def test_worlds_that_differ_in_what_a_scene_has_once_are_refused(tmp_path: Path) -> None:
+    def varied(plain: dict[str, Any]) -> None:
+        grounds = [{"kind": "flat", "size_m": size} for size in ([8.0, 8.0], [6.0, 8.0])]
+        plain["worlds"]["vary"] = {"dtm": {"choice": grounds}}
+
+    with pytest.raises(tf.RecipeError, match=r"have one dtm\.size_m, found \[8\.0, 8\.0\] and \[6"):
+        make_grid(recipe(tmp_path, varied), tmp_path / "out", shape=(3, 3))
+    assert not (tmp_path / "out").exists()
 
 
 def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
@@ -234,7 +314,7 @@ def test_a_scene_too_large_is_told_before_work_begins(
 
 
 def test_goals_lie_within_the_world(tmp_path: Path) -> None:
-    path = recipe(tmp_path, lambda p: p["worlds"].update(arrival={"distance_m": 5.7}))
+    path = recipe(tmp_path, lambda p: p.update(worlds={"arrival": {"distance_m": 5.7}}))
     with pytest.raises(
         tf.RecipeError, match=r"5\.7 m: at most 5\.657 m, half the diagonal"
     ) as told:
