@@ -39,8 +39,9 @@ class HeightScan:
 
         name = str(arena.folder)
         if name not in self._kept:
-            span = max(round(STEP / arena.spacing), 1)
-            self._kept[name] = maximum_filter(arena.top, span, mode="nearest")
+            # As far as a corner of a point's square lies, however it is turned, from its node.
+            reach = math.floor(STEP / (math.sqrt(2.0) * arena.spacing) + 0.5)
+            self._kept[name] = maximum_filter(arena.top, 2 * reach + 1, mode="nearest")
         self._highest = self._kept[name]
 
     def look(self, arena: Arena, parts: Parts, cos: float, sin: float) -> NDArray[np.float32]:
@@ -55,8 +56,8 @@ class HeightScan:
 class DepthCamera:
     """Distances at which rays of a camera on the rover's front meet ground or rocks.
 
-    The rays march over the heights of ground and rocks at the nodes, half a spacing at once: no
-    OpenGL, and no overhangs.
+    The rays march over the heights of ground and rocks at the nodes, half a spacing at once, and
+    end between the last step above and the first below: no OpenGL, and no overhangs.
     """
 
     def __init__(self) -> None:
@@ -116,7 +117,7 @@ def _march(top, grid, highest, eye, rays, stride, farthest, seen):  # type: igno
         found[n] = farthest
         if above > 0.0 and rays[n, 2] >= 0.0:
             continue
-        far = stride
+        far, last = stride, np.inf
         if above > 0.0:
             far *= max(np.floor(above / -rays[n, 2] / stride), 1.0)
         while far < farthest:
@@ -124,7 +125,9 @@ def _march(top, grid, highest, eye, rays, stride, farthest, seen):  # type: igno
             j = round((eye[1] + far * rays[n, 1] - south) / spacing)
             if i < 0 or j < 0 or i >= columns or j >= rows:
                 break
-            if eye[2] + far * rays[n, 2] <= top[j, i]:
-                found[n] = far
+            gap = eye[2] + far * rays[n, 2] - top[j, i]
+            if gap <= 0.0:
+                found[n] = far + stride * gap / (last - gap)
                 break
+            last = gap
             far += stride

@@ -15,6 +15,7 @@ from terrain_forge.variation import name_of, read_summary, worlds
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
+from terrain_forge.learning.sight import DepthCamera, HeightScan  # noqa: E402
 
 ID = "terrain_forge.learning:TerrainForge/Drive-v0"
 
@@ -153,9 +154,54 @@ def test_heights_ahead_show_what_stands_there(made):
         north = y + ahead * np.sin(heading) + aside * np.cos(heading)
         i = round((north - arena.origin[1]) / arena.spacing)
         j = round((east - arena.origin[0]) / arena.spacing)
-        if 1 <= i < arena.top.shape[0] - 1 and 1 <= j < arena.top.shape[1] - 1:
-            around = arena.top[i - 1 : i + 2, j - 1 : j + 2]
-            assert around.min() - z - 1e-5 <= seen[row, column] <= around.max() - z + 1e-5
+        if 2 <= i < arena.top.shape[0] - 2 and 2 <= j < arena.top.shape[1] - 2:
+            around = arena.top[i - 2 : i + 3, j - 2 : j + 3]
+            assert seen[row, column] == pytest.approx(around.max() - z, abs=1e-5)
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.1, 0.125, 0.2, 0.25])
+def test_no_spike_between_the_points_hides_and_none_is_seen_on_one_side_more(spacing):
+    """What stands on one node is seen by the points next to it, whichever way the rover heads."""
+    generator = np.random.default_rng(3)
+    count = round(8 / spacing) + 1
+    origin, off = np.array([-4.0, -4.0]), []
+    for number in range(150):
+        yaw = generator.uniform(-np.pi, np.pi)
+        place = generator.uniform(-0.5, 0.5, 2)
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        spike = place + turn @ (generator.uniform(-0.3, 2.3), generator.uniform(-0.9, 0.9))
+        i, j = np.rint((spike - origin) / spacing).astype(int)
+        top = np.zeros((count, count), np.float32)
+        top[j, i] = 1.0
+        arena = SimpleNamespace(
+            folder=number, top=top, spacing=spacing, origin=tuple(origin),
+            data=SimpleNamespace(qpos=np.array([*place, 0.0, 1.0, 0.0, 0.0, 0.0])),
+        )  # fmt: skip
+        scan = HeightScan()
+        scan.begin(arena)
+        seen = scan.look(arena, SimpleNamespace(pose=slice(0, 7)), np.cos(yaw), np.sin(yaw))
+        rows, columns = np.nonzero(seen > 0.5)
+        assert len(rows)
+        points = place[:, None] + turn @ np.array([-0.5 + 0.25 * rows, -1.0 + 0.25 * columns])
+        off.append(points.mean(axis=1) - origin - spacing * np.array([i, j]))
+    assert np.abs(np.mean(off, axis=0)).max() < 0.03
+
+
+def test_depths_end_where_the_ground_begins(made):
+    env = make(made, sight="depth").unwrapped
+    env.reset(seed=2)
+    arena, parts = env.arena, env.parts
+    arena.top[:] = 0.0
+    camera = DepthCamera()
+    camera.begin(arena)
+    x, y = (arena.origin[axis] + 0.5 * arena.spacing * arena.top.shape[1 - axis] for axis in (0, 1))
+    arena.data.xpos[parts.body] = x, y, 0.3
+    arena.data.xmat[parts.body] = np.eye(3).ravel()
+    seen = camera.look(arena, parts, 1.0, 0.0)
+    eye = 0.3 + max(2.0 * arena.rover.clearance, 0.4)
+    down = np.radians(20.0) - np.linspace(np.radians(25.0), -np.radians(25.0), 16)
+    for row in (8, 11, 15):
+        assert seen[row, 12] == pytest.approx(eye / np.sin(down[row]), abs=2e-3)
 
 
 @pytest.mark.parametrize(
