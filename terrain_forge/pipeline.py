@@ -443,6 +443,6 @@ def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
         recording.require_long_enough(site, rover.sensors)
         yield from recording.recording_lines(site, rover.sensors)
     if recipe.worlds is not None:
-        variation.require_drawable(recipe)
+        variation.require_drawable(recipe, folder)
         yield f"worlds         {variation.variation_line(recipe)}"
         yield f"  cost         {building.series_line(site, orders)}"

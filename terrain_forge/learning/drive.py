@@ -206,7 +206,10 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
     def _enter(self, arena: Arena) -> None:
         if len(arena.rover.wheels) != len(self.arena.rover.wheels):
-            raise OutputError(f"{arena.folder} has another rover than {self.arena.folder}")
+            raise OutputError(
+                f"{arena.folder} has another rover than {self.arena.folder}: give `numbers` of "
+                "worlds with one, which worlds.csv tells"
+            )
         if arena.folder != self.arena.folder:
             self.arena, self.parts = arena, find_parts(arena.model, arena.rover)
             self.close()

@@ -21,7 +21,7 @@ from terrain_forge.base import (
     uniforms,
 )
 from terrain_forge.dtm import Centre, RasterDtm, Terrain, places_of, whole_at_hand
-from terrain_forge.making import plan
+from terrain_forge.making import draft, plan
 from terrain_forge.model import BODIES, Site
 from terrain_forge.recipe import (
     DifficultySpec,
@@ -38,6 +38,15 @@ from terrain_forge.variation.difficulty import between, with_difficulty
 PLACES = 64
 """Random places of which the one of a world's difficulty is taken."""
 _CENTRE = "dtm.centre"
+_OWN = {
+    "schema": "it is of the file",
+    "name": "each is called by its number",
+    "seed": "each has one of its own, drawn from the recipe's",
+    "exports": "a series has the same formats throughout",
+    "tiles": "they are made whole",
+    "worlds": "it says how they differ",
+}
+"""Parts of a recipe in which worlds do not differ, and why."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +91,7 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         values |= with_difficulty(plain, spec.difficulty, level)
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
+        _require_varied(tuple(key.split(".")), where)
         if _is_drawn(wish, where):
             value = _value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
             _put(plain, key, value, where)
@@ -98,29 +108,43 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
 
 
-def require_drawable(recipe: Recipe) -> None:
+def require_drawable(recipe: Recipe, folder: Path) -> None:
     """Refuse what is drawn from, before a world is made, by the recipes at its ends.
+
+    Args:
+        recipe: With `worlds`, which says what differs.
+        folder: What the recipe's paths are relative to.
 
     Raises:
         RecipeError: for the first key, difficulty or choice that gives no recipe.
     """
     spec = recipe.worlds or WorldsSpec()
+    keys = {key: tuple(numbered(_plain(recipe), key.split("."))) for key in spec.vary}
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
+        _require_varied(keys[key], where)
         if not _is_drawn(wish, where):
             continue
-        place = dotted(numbered(_plain(recipe), key.split(".")))
+        place = dotted(keys[key])
         steps = len(wish.choice or (0, 1)) - 1
         for step in range(steps + 1):
             chance, plain = step / max(steps, 1), _plain(recipe)
             level = None if spec.difficulty is None else chance
             _put(plain, key, _value(wish, level, chance, where), where)
+            others = [other for name, other in keys.items() if name != key]
+            # What is wrong beside the key, or together with another, that may set right.
             try:
-                _checked(plain, where)
+                own = _checked(plain, where)
             except RecipeError as error:
-                # What is wrong beside the key, another that is drawn may set right.
                 if f"cannot be: {place}:" in str(error):
                     raise
+                continue
+            try:
+                draft(own, folder=folder)
+            except RecipeError as error:
+                if _meet(error.key, keys[key]) and not any(_meet(error.key, o) for o in others):
+                    told = f"what is drawn cannot be: {dotted(error.key)}: {error}"
+                    raise RecipeError(told, key=where) from None
     if spec.difficulty is not None:
         low, high = np.broadcast_to(spec.difficulty.level, 2).tolist()
         if low > high:
@@ -130,6 +154,18 @@ def require_drawable(recipe: Recipe) -> None:
             plain = _plain(recipe)
             with_difficulty(plain, spec.difficulty, level)
             _checked(plain, ("worlds", "difficulty"))
+
+
+def _require_varied(key: Key, where: Key) -> None:
+    """Refuse a key in which worlds of one series cannot differ."""
+    if key[0] in _OWN:
+        raise RecipeError(f"worlds cannot differ in {key[0]}: {_OWN[str(key[0])]}", key=where)
+
+
+def _meet(one: Key, other: Key) -> bool:
+    """Whether one key is the other or lies in it."""
+    shared = min(len(one), len(other))
+    return shared > 0 and one[:shared] == other[:shared]
 
 
 def variation_line(recipe: Recipe) -> str:

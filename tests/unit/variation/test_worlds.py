@@ -278,7 +278,8 @@ def test_check_tells_what_differs(tmp_path: Path) -> None:
         ({"sun.elevation_deg": {"uniform": [10, 91]}}, "less than or equal to 90"),
         ({"body": {"choice": ["mars", "moon", "pluto"]}}, "'mars', 'mercury' or 'moon'"),
         ({"sun.elevation_deg": {"uniform": [60, 5]}}, "60 to 5: the smaller number first"),
-        ({"seed": {"integers": [9, 3]}}, "9 to 3: the smaller number first"),
+        ({"terrain.layers.0.octaves": {"integers": [9, 3]}}, "has no key 'octaves'"),
+        ({"rocks.library.seed": {"integers": [9, 3]}}, "9 to 3: the smaller number first"),
         ({"sun.elevation_deg": {"log_uniform": [60, 5]}}, "60 to 5: the smaller number first"),
         ({"sun.elevation_deg": {"normal": [10, 80]}}, r"unknown key 'normal'.*uniform\)?$"),
         ({"sun.elevation_deg": "anywhere"}, "only dtm.centre"),
@@ -384,3 +385,36 @@ def test_a_summary_of_other_kinds_of_values_is_none(drawn, tmp_path):
     (tmp_path / "drawn.json").write_text(f'{{{told}, "drawn": {drawn}}}')
     with pytest.raises(tf.OutputError, match=r"no readable drawn\.json"):
         read_summary(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("vary", "why"),
+    [
+        ({"seed": {"integers": [1, 9]}}, "worlds cannot differ in seed: each has one of its own"),
+        ({"name": {"choice": ["a"]}}, "worlds cannot differ in name"),
+        ({"exports": {"choice": [["mjcf"]]}}, "worlds cannot differ in exports: a series has the"),
+        (
+            {"rocks.populations.stones.diameter_m.0": {"uniform": [0.3, 0.9]}},
+            r"what is drawn cannot be: rocks\.populations\[0\]\.diameter_m: smallest 0\.9 m",
+        ),
+        ({"rocks.populations.0.diameter_m": {"choice": [[0.2, 0.8], [2, 1]]}}, "smallest 2 m"),
+    ],
+)
+def test_ends_that_no_world_can_have_are_refused_before_the_first(
+    tmp_path: Path, vary: dict[str, Any], why: str
+) -> None:
+    path = recipe(tmp_path, lambda plain: plain["worlds"].update(vary=vary))
+    for wrong in (lambda: worlds(path, tmp_path / "out"), lambda: list(tf.check(path))):
+        with pytest.raises(tf.RecipeError, match=why) as told:
+            wrong()
+        assert told.value.key == ("worlds", "vary", *vary)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_another_key_may_set_right_is_not_refused(tmp_path: Path) -> None:
+    vary = {
+        "rocks.populations.0.diameter_m.0": {"uniform": [0.3, 0.9]},
+        "rocks.populations.0.diameter_m.1": {"uniform": [1.0, 1.2]},
+    }
+    path = recipe(tmp_path, lambda plain: plain["worlds"].update(vary=vary))
+    assert any("diameter_m.1 uniform" in line for line in tf.check(path))
