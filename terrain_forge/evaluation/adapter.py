@@ -169,8 +169,8 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         if status == "done":
             estimate, wrong = _estimate(folder, pattern, stamps, adapter)
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
-            for path in _found(folder, closures)[:1] if closures and estimate else ():
-                loops, why = _closures(path)
+            if closures and estimate:
+                loops, why = _closures(folder, closures)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             (keep / _LOG).unlink(missing_ok=True)
@@ -187,12 +187,14 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
     )  # fmt: skip
 
 
-def _closures(path: Path) -> tuple[Loops | None, str]:
+def _closures(folder: Path, pattern: str) -> tuple[Loops | None, str]:
     """The loop closures that a program wrote, or what is wrong with them."""
+    if not (files := _found(folder, pattern)):
+        return None, f"wrote no loop closures ({Path(pattern).name}) in its folder"
     try:
-        return read_loops(path), ""
+        return read_loops(files[0]), ""
     except DataError as error:
-        return None, f"loop closures: {str(error).replace(f'{path.parent}/', '')}"
+        return None, f"loop closures: {str(error).replace(f'{files[0].parent}/', '')}"
 
 
 def _watched(

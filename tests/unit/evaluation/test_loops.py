@@ -109,3 +109,8 @@ def test_a_system_may_tell_its_loops(tmp_path):
     assert bad.run.why == "loop closures: bad: stamp 9 is no frame of 0 to 4"
     assert broken.run.status == "done"
     assert broken.run.why == "loop closures: closures.txt:1: 1 numbers, must be 2"
+    good = tmp_path / "good.yaml"
+    good.write_text(good.read_text().replace("loops: closures", "loops: clozures"))
+    (lost,) = evaluate_recording(dataset, [find_system(str(good))], options=options)
+    assert (lost.run.status, lost.loops) == ("done", None)
+    assert lost.run.why == "wrote no loop closures (clozures.txt) in its folder"
