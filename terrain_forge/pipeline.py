@@ -93,7 +93,7 @@ def build(
     out: Path | str | None = None,
     *,
     folder: Path | str = ".",
-    only: tuple[str, ...] | None = None,
+    only: tuple[str, ...] | str | None = None,
     force: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -217,7 +217,7 @@ def cut(
     *,
     centre: tuple[float, float],
     size: tuple[float, float],
-    only: tuple[str, ...] | None = None,
+    only: tuple[str, ...] | str | None = None,
     force: bool = False,
     progress: Progress | bool = False,
 ) -> building.BuildResult:
@@ -241,7 +241,8 @@ def cut(
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
     with watched(progress, STAGES) as watch:
         world = tiling.cut_world(place, centre=centre, size=size, watch=watch)
-        return write_world(world, out, exports=only, force=force, progress=watch)
+        exports = (only,) if isinstance(only, str) else only
+        return write_world(world, out, exports=exports, force=force, progress=watch)
 
 
 def export(
@@ -364,7 +365,7 @@ def record(
     *,
     begin: float = 0.0,
     end: float | None = None,
-    only: tuple[str, ...] = (),
+    only: tuple[str, ...] | str = (),
     workers: int | None = None,
     force: bool = False,
     progress: Progress | bool = False,
@@ -377,7 +378,7 @@ def record(
         out: Folder in which `dataset` is made; by default that of the built world.
         begin: From when [s].
         end: Until when [s], which is not part of it; by default to the end.
-        only: Names of the sensors; by default all.
+        only: Names of the sensors; by default all; one may stand alone.
         workers: How many measurements are made at once; no number changes a byte.
         force: Whether another recording of ours in the folder is replaced, and a report page
             that was edited.
@@ -392,7 +393,7 @@ def record(
     order = recording.Order(
         begin=begin,
         end=end,
-        only=only,
+        only=(only,) if isinstance(only, str) else only,
         workers=workers,
         force=force,
         all_formats=not only or "formats" in changes,

@@ -11,8 +11,10 @@ from terrain_forge.model import World
 from terrain_forge.recipe import ExportOrder, Recipe, export_orders
 
 
-def chosen_exports(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[ExportOrder, ...]:
+def chosen_exports(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[ExportOrder, ...]:
     """The recipe's exports, or those that `only` names: its folders, or else exporters.
+
+    One may stand alone.
 
     Raises:
         OutputError: if `only` is empty, or names what is neither.
@@ -22,7 +24,7 @@ def chosen_exports(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[Export
         return export_orders(recipe)
     if not only:
         raise OutputError("--only names no format")
-    planned = _planned(recipe)
+    only, planned = (only,) if isinstance(only, str) else only, _planned(recipe)
     try:
         return export_orders(
             replace(recipe, exports={name: planned.get(name, {}) for name in only})

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, mix, normals, parts, quaternion_from_rpy, stage_key
+from terrain_forge.base import (
+    Array,
+    DataError,
+    mix,
+    normals,
+    parts,
+    quaternion_from_rpy,
+    stage_key,
+)
 from terrain_forge.base import matrix_from_quaternion as matrix
 from terrain_forge.model import Sensor, World
 from terrain_forge.sensors.motion import Motion, State
@@ -139,6 +147,16 @@ class Frames(Instrument):
     def measure(self, number: int) -> dict[str, bytes]:
         """The files of a measurement by the names of their streams."""
         raise NotImplementedError
+
+    def require(self, number: int) -> None:
+        """Refuse a number that no measurement has.
+
+        Raises:
+            DataError: says which there are.
+        """
+        if not 0 <= number < len(self.times):
+            last = len(self.times) - 1
+            raise DataError(f"{self.sensor.name} has no measurement {number}: 0 to {last}")
 
 
 class Series(Instrument):

@@ -64,7 +64,7 @@ def make_grid(
     *,
     shape: tuple[int, int],
     folder: Path | str = ".",
-    only: tuple[str, ...] | None = None,
+    only: tuple[str, ...] | str | None = None,
     border: float = BORDER,
     progress: Progress = silent,
 ) -> Path:

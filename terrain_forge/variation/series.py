@@ -93,7 +93,7 @@ def worlds(
     *,
     count: int | None = None,
     folder: Path | str = ".",
-    only: tuple[str, ...] | None = None,
+    only: tuple[str, ...] | str | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress = silent,
@@ -173,7 +173,7 @@ def name_of(number: int) -> str:
     return f"{number:05}"
 
 
-def orders_of(recipe: Recipe, only: tuple[str, ...] | None) -> tuple[ExportOrder, ...]:
+def orders_of(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[ExportOrder, ...]:
     """The exports, with small pictures of the ground where the recipe does not tell their size."""
     told = recipe.exports if isinstance(recipe.exports, dict) else {}
     return tuple(
@@ -252,7 +252,7 @@ def _require_whole(world: Path) -> None:
 
 
 def _make(
-    number: int, *, recipe: Recipe, folder: Path, out: Path, only: tuple[str, ...] | None
+    number: int, *, recipe: Recipe, folder: Path, out: Path, only: tuple[str, ...] | str | None
 ) -> None:
     """Make one world, in a folder beside its own that then takes its name."""
     orders = orders_of(recipe, only)

@@ -160,10 +160,12 @@ class CameraFrames(Frames):
 
         Shape [height, width], of a colour camera [height, width, 3].
         """
+        self.require(number)
         return self._picture(number, style or self.styles["data"])[0]
 
     def measure(self, number: int) -> dict[str, bytes]:
         """The pictures of a number and their channels, as files."""
+        self.require(number)
         files, truth = {}, None
         for name, style in self.styles.items():
             image, exposure = self._picture(number, style)

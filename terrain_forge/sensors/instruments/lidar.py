@@ -88,6 +88,7 @@ class Lidar(Frames):
 
     def measure(self, number: int) -> dict[str, bytes]:
         """The points of a sweep."""
+        self.require(number)
         sweep = take_sweep(self.setting, self.lidar, number)
         points = np.empty(len(sweep.points), POINT)
         for axis, name in enumerate("xyz"):
