@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from terrain_forge.base import DataError
 from terrain_forge.model import (
     CameraSensor,
     Equidistant,
@@ -235,6 +236,10 @@ def test_a_stamp_is_the_middle_of_what_is_averaged(setting, even):
     assert found == pytest.approx(wanted, rel=0.002)
     moments = np.concatenate(scene.times)
     assert np.allclose(moments[:4], 4.0 + 0.06 * np.array([-0.375, -0.125, 0.125, 0.375]))
+    for number in (-1, len(camera.times)):
+        for look in (camera.measure, camera.picture):
+            with pytest.raises(DataError, match=f"eye has no measurement {number}: 0 to "):
+                look(number)
     rolling = CameraSensor(name="eye", rolling_shutter_s=0.05, **_SIZE)
     times = CameraFrames(rolling, setting).eye(4.0).times
     assert times[[0, -1]] == pytest.approx([3.975, 4.025])
