@@ -18,6 +18,8 @@ from terrain_forge.base.errors import DataError, hint_at, reading
 
 _BESIDE = 10_000
 """Files of a folder among which the one that is meant is looked for."""
+_ALIKE = 0.75
+"""How like its name must be: names of files often share an ending."""
 MAX_STATE = 2**28
 """Bytes of a file in which we keep what was done so far."""
 _MOST_TABLE = 2**34
@@ -59,7 +61,8 @@ def _meant(path: Path) -> str:
     """The file beside it that is meant, as a question; empty where none is like it."""
     try:
         beside = islice(path.parent.iterdir(), _BESIDE)
-        return hint_at(path.name, sorted({file.name for file in beside} - {path.name}))
+        names = sorted({file.name for file in beside} - {path.name})
+        return hint_at(path.name, names, alike=_ALIKE)
     except OSError:
         return ""
 

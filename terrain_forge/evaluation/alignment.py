@@ -56,9 +56,15 @@ def associate(
         raise DataError(
             f"{estimate.name}: lasts from {estimate.time[0]:.3f} to {estimate.time[-1]:.3f} s, the "
             f"truth from {truth.time[0]:.3f} to {truth.time[-1]:.3f} s: less than two poses belong "
-            f"together"
+            f"together{_unit_hint(truth.time[-1], estimate.time[-1])}"
         )
     return pair
+
+
+def _unit_hint(one: float, other: float) -> str:
+    """What is likely wrong with stamps that are so far apart."""
+    few, many = sorted((abs(one), abs(other)))
+    return " (stamps are in seconds; are some nanoseconds?)" if many > 1e6 * max(few, 1.0) else ""
 
 
 def nearest(sorted_times: Array, times: Array) -> NDArray[np.intp]:

@@ -171,7 +171,8 @@ def read_rows(
         except ValueError:
             raise DataError(f"{path}:{number}: {plain[:60]!r}, must be {count} numbers") from None
         if len(row) < count or (len(words) > count and not longer):
-            raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}")
+            kitti = " (KITTI's form needs --stamps)" if (len(words), count) == (12, 8) else ""
+            raise DataError(f"{path}:{number}: {len(words)} numbers, must be {count}{kitti}")
         rows.append(row + [np.nan] * (most - len(row)))
         places.append(f"{path}:{number}")
     if len(rows) < least:

@@ -43,11 +43,17 @@ class Odometry(Series):
     sensor: OdometrySensor
 
     def check(self) -> None:
-        """Refuse rovers that have no wheels on either side.
+        """Refuse rovers that have no wheels on either side, and another place than base_link's.
 
         Raises:
-            RecipeError: if there are none.
+            RecipeError: naming the sensor.
         """
+        if self.sensor.position.any() or self.sensor.rpy.any():
+            raise RecipeError(
+                f"{self.sensor.name!r}: odometry tells where base_link is: leave out position_m "
+                "and rpy_deg",
+                key=("sensors",),
+            )
         sides = {side > 0.0 for side in self.setting.world.rover.wheel_centres.reshape(-1, 3)[:, 1]}
         if len(sides) < 2:
             raise RecipeError(

@@ -178,6 +178,7 @@ def test_errors_equal_those_of_evo(tmp_path):
 
 WRONG = {
     "1 2 3": ":1: 3 numbers, must be 8",
+    "1 0 0 0 0 1 0 0 0 0 1 0": ":1: 12 numbers, must be 8 (KITTI's form needs --stamps)",
     "0 0 0 0 0 0 0 1\n1 0 0 x 0 0 0 1": ":2: '1 0 0 x 0 0 0 1', must be 8 numbers",
     "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1": ":2: its time is not after the one before",
     "# t\n0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1": ":3: a value is not a finite number",
@@ -213,6 +214,8 @@ def test_no_common_time_is_told():
     ):
         score_poses(truth, later)
     assert aligned(truth, later, part="none")[0] is later
+    with pytest.raises(DataError, match="stamps are in seconds; are some nanoseconds"):
+        score_poses(truth, truth.replace(time=1e9 * truth.time))
 
 
 @pytest.mark.parametrize("association", ["nearest", "interpolated"])

@@ -122,6 +122,9 @@ def test_a_rover_without_wheels_has_no_odometry(world):
     with pytest.raises(RecipeError, match="'wheels': odometry needs a rover with wheels on both"):
         odometer(bare, arc()).check()
     odometer(world, arc()).check()
+    for figures in ({"position_m": (0.1, 0, 0)}, {"rpy_deg": (0, 10, 0)}):
+        with pytest.raises(RecipeError, match="'wheels': odometry tells where base_link is"):
+            odometer(world, arc(), **figures).check()
 
 
 def tilted(roll, pitch, push=0.0):
