@@ -12,6 +12,10 @@ from .fetching import fetch_product as fetch_product
 from .fetching import origin as origin
 from .fetching import still_to_fetch as still_to_fetch
 from .fetching import whole_at_hand as whole_at_hand
+from .image import bands_of as bands_of
+from .image import exif_turn as exif_turn
+from .image import read_bands as read_bands
+from .image import read_image as read_image
 from .interpolation import NEAR as NEAR
 from .interpolation import STENCIL as STENCIL
 from .interpolation import add_cell_means as add_cell_means
@@ -40,7 +44,6 @@ from .raster import files_of_raster as files_of_raster
 from .raster import ground_steps as ground_steps
 from .raster import open_dataset as open_dataset
 from .raster import open_raster as open_raster
-from .raster import read_image as read_image
 from .site_survey import survey as survey
 from .spec import ArrayDtm as ArrayDtm
 from .spec import Centre as Centre

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable, reading, require_file
+from terrain_forge.base import Array, DataError, portable, require_file
 from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.misnamed import remedy
 from terrain_forge.dtm.projection import (
@@ -35,8 +35,6 @@ DRIVERS = (
 """GDAL's drivers that are used: those of formats whose data lie in the file or beside it.
 
 Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
-MAX_PIXELS = 2**26
-"""Pixels of an image."""
 _BESIDE = ".ovr", ".msk"
 """Endings of files beside a raster that GDAL opens with whatever driver takes them."""
 _TIFF = b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"
@@ -335,58 +333,3 @@ def files_of_raster(path: Path) -> list[Path]:
     """Files that belong to a raster besides the one that is opened, such as a label's image."""
     with open_dataset(path) as dataset:
         return sorted(Path(name) for name in dataset.files if Path(name) != path)
-
-
-def read_image(path: str, folder: Path, key: tuple[str | int, ...]) -> Array:
-    """How bright an image is, 0 to 1, rows running north.
-
-    Integers are divided by the largest that their bits can hold. A palette's colours take the place
-    of its indices. Of colours the luma is taken, 0.2126 R + 0.7152 G + 0.0722 B (ITU-R BT.709), of
-    any other bands the first one; transparency is not looked at.
-
-    Raises:
-        DataError: if the file is missing, no image, or holds values that are not finite.
-    """
-    import rasterio
-
-    from terrain_forge.base import image_rows
-
-    require_file(folder / path, path, key)
-    with reading(path, key=key):
-        try:
-            dataset = open_dataset(folder / path)
-        except rasterio.errors.RasterioError:
-            raise DataError(f"not an image: {path}", key=key) from None
-        with dataset:
-            values = _brightness(dataset)
-    if not np.isfinite(values).all():
-        raise DataError(f"{path} holds values that are not finite", key=key)
-    return np.asarray(image_rows(values))
-
-
-def _brightness(dataset: Any) -> Array:
-    """Brightness of a dataset's pixels, 0 to 1 if they are integers."""
-    from rasterio.enums import ColorInterp
-
-    if dataset.width * dataset.height > MAX_PIXELS:
-        raise DataError(f"{dataset.width} × {dataset.height} pixels, at most {MAX_PIXELS:,}")
-    kinds = dataset.colorinterp
-    if kinds[0] == ColorInterp.palette:
-        colours = np.zeros((256 ** np.dtype(dataset.dtypes[0]).itemsize, 3))
-        for index, rgba in dataset.colormap(1).items():
-            colours[index] = rgba[:3]
-        return np.asarray(_luma(colours.T / 255.0)[dataset.read(1)])
-    coloured = kinds[:3] == (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
-    bands = dataset.read([1, 2, 3] if coloured else [1])
-    values = bands.astype(np.float64)
-    if bands.dtype.kind in "iu":
-        bits = dataset.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
-        values /= float(2 ** int(bits) - 1 if bits else np.iinfo(bands.dtype).max)
-    return _luma(values) if coloured else np.asarray(values[0])
-
-
-def _luma(rgb: Array) -> Array:
-    """Luma of red, green and blue, of shape [3, …]; grey ones keep their value exactly."""
-    red, green, blue = rgb
-    result: Array = green + 0.2126 * (red - green) + 0.0722 * (blue - green)
-    return result

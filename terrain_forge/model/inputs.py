@@ -68,7 +68,7 @@ class Image(Record):
     path: str
     """As the recipe writes it."""
     values: NDArray[np.float64] = field(metadata=shaped("rows", "columns"))
-    """Brightness, 0 to 1 (`dtm.raster.read_image`; floats as they are), rows run north."""
+    """Brightness, 0 to 1 (`dtm.read_image`; floats as they are), rows run north."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,11 +21,14 @@ from terrain_forge.base import (
 )
 from terrain_forge.dtm import (
     Nodes,
+    bands_of,
     cubic,
     ellipsoid,
+    exif_turn,
     node_places,
     open_dataset,
     patch_pixels,
+    read_bands,
     wrap_around,
 )
 from terrain_forge.model import Orthoimage, Site, Window
@@ -40,9 +43,10 @@ _KEY = ("terrain", "appearance", "orthoimage", "image")
 class OrthoimageSpec(Spec):
     """A picture of the ground from above.
 
-    Three bands or more are red, green and blue: the ground's colour. One band is brightness, over
-    its own mean on the site, of the ground's colour. Integers are sRGB of their type's range if
-    there are three bands, everything else is linear.
+    Three bands or more are red, green and blue, in this order unless they name their colours, and
+    so is a palette: the ground's colour. One band is brightness, over its own mean on the site, of
+    the ground's colour. Integers are sRGB of their type's range if there are three bands,
+    everything else is linear.
     """
 
     image: Annotated[str, MinLen(1), InputFile(kind="orthoimage")]
@@ -103,8 +107,7 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     """Where the whole picture lies; nothing of it is read yet."""
     crs, wrap = "", (0.0, 0.0)
     if dataset.crs is None or dataset.transform.is_identity:
-        across, down = dataset.width / site.size[0], -dataset.height / site.size[1]
-        to_pixel = (across, 0.0, 0.5 * dataset.width - 0.5, 0.0, down, 0.5 * dataset.height - 0.5)
+        to_pixel = _over_site(dataset, site)
     else:
         if not site.georeferenced:
             raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
@@ -122,6 +125,18 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
         wrap = wrap_around(crs, site.crs, middle[0])
     nothing = np.zeros((1, 1, 1), np.float32)
     return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs=crs, wrap=wrap)
+
+
+def _over_site(dataset: Any, site: Site) -> tuple[float, ...]:
+    """Affine from a site's east and north [m] to pixels of a picture that covers it."""
+    shape, turn = (dataset.height, dataset.width), exif_turn(dataset)
+    high, wide = shape[::-1] if turn.transposed else shape
+    across = (-wide if turn.mirrored else wide) / site.size[0]
+    down = (high if turn.upturned else -high) / site.size[1]
+    column, row = (across, 0.0), (0.0, down)
+    if turn.transposed:
+        column, row = row, column
+    return (*column, 0.5 * dataset.width - 0.5, *row, 0.5 * dataset.height - 0.5)
 
 
 def _sample(picture: Orthoimage, site: Site) -> tuple[Array, Array]:
@@ -152,8 +167,10 @@ def _read(
         for first, last, end in zip(np.floor(low), np.ceil(high), ends, strict=True)
     )
     window = RasterWindow.from_slices(rows, columns)
-    bands = [1, 2, 3] if dataset.count >= 3 else [1]
-    values = _linear(dataset.read(bands, window=window))
+    bands = bands_of(dataset, [1, 2, 3] if dataset.count >= 3 else [1])
+    values = np.moveaxis(read_bands(dataset, bands, window), 0, -1)
+    if values.shape[2] == 3 and np.dtype(dataset.dtypes[bands[0] - 1]).kind in "iu":
+        values = linear_from_srgb(values)
     valid = (dataset.read_masks(bands, window=window) > 0).all(axis=0)
     valid &= np.isfinite(values).all(axis=2)
     # Whole pixels are averaged, so that detail finer than the grid does not turn into moiré.
@@ -178,12 +195,3 @@ def _averaged(
     known = np.pad(np.where(valid[..., None], values, 0.0), (*beyond, (0, 0)))
     total = known.reshape(*blocks, bands).sum(axis=(1, 3))
     return total / np.maximum(weight, 1)[..., None], weight > 0
-
-
-def _linear(values: NDArray[Any]) -> Array:
-    """Linear values of one or three bands, shape [rows, columns, bands]."""
-    moved = np.moveaxis(values, 0, -1)
-    if values.dtype.kind not in "iu":
-        return moved.astype(np.float64)
-    scaled: Array = moved / float(np.iinfo(values.dtype).max)
-    return linear_from_srgb(scaled) if len(values) == 3 else scaled

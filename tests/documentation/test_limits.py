@@ -8,7 +8,7 @@ import pytest
 
 from terrain_forge.base import specs
 from terrain_forge.building import manifest
-from terrain_forge.dtm import download, raster, window
+from terrain_forge.dtm import download, image, raster, window
 from terrain_forge.illumination import period, survey
 from terrain_forge.model import world
 from terrain_forge.paths import curves, recorded, routes
@@ -31,7 +31,7 @@ ROWS = {
     "a raster": f"{len(raster.DRIVERS)} of GDAL's formats, all files of it beside it",
     "a raster that is fetched": f"{download.MOST // 2**30} GiB whole, {window.MOST // 2**30} GiB "
     "by window; GeoTIFF or JPEG 2000 by window",
-    "an image": f"as a raster; {raster.MAX_PIXELS:,} pixels",
+    "an image": f"as a raster; {image.MAX_PIXELS:,} pixels",
     "a table": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {specs.InputFile.most:,} rows and twice as "
     "many lines",
     "sizes that a recipe counts": f"{counts.MAX_COUNTED:,}",

@@ -184,10 +184,10 @@ def test_a_raster_with_overviews_and_a_mask_beside_it_is_read(tmp_path):
 
 @pytest.mark.parametrize(("name", "text"), [("a.cub", ISIS), ("a.lbl", PDS3)])
 def test_a_label_s_own_image_is_read(tmp_path, name, text):
-    (tmp_path / "real.img").write_bytes(bytes(range(64)))
+    (tmp_path / "real.img").write_bytes(bytes(range(1, 65)))  # 0 is ISIS's null
     (tmp_path / name).write_text(text.replace("NAME", "real.img"))
     values = read_image(name, tmp_path, ("x",))
-    assert np.array_equal(values[::-1].ravel() * 255, np.arange(64))
+    assert np.array_equal(values[::-1].ravel() * 255, np.arange(1, 65))
 
 
 def test_a_linked_raster_is_read(tmp_path):

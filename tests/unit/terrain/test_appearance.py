@@ -7,6 +7,7 @@ import pytest
 import rasterio
 from PIL import Image as Picture
 from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from terrain_forge.base import DataError, RecipeError, linear_from_srgb
@@ -133,6 +134,43 @@ def test_one_band_keeps_the_soils_mean_and_three_bands_are_the_colour(tmp_path):
     rgb = coloured(plan(recipe(ortho("rgb.png")), folder=tmp_path))
     assert np.abs(rgb[50:].astype(int) - (200, 100, 50)).max() <= 1
     assert np.abs(rgb[:30].astype(int) - (20, 40, 90)).max() <= 1
+
+
+def test_bands_and_palettes_are_taken_by_their_colours(tmp_path):
+    wanted = (200, 120, 40)
+    bands = np.stack([np.full((80, 120), value, np.uint8) for value in wanted])
+    with rasterio.open(
+        *(tmp_path / "bgr.tif", "w"), driver="GTiff", width=120, height=80, count=3, dtype="uint8",
+        transform=Affine(2, 0, 0, 0, -2, 0),
+    ) as dataset:  # fmt: skip
+        dataset.write(bands[::-1])
+        dataset.colorinterp = ColorInterp.blue, ColorInterp.green, ColorInterp.red
+    palette = Picture.fromarray(np.full((80, 120), 3, np.uint8), "P")
+    palette.putpalette([0] * 9 + [*wanted])
+    palette.save(tmp_path / "palette.png")
+    for name in ("bgr.tif", "palette.png"):
+        found = coloured(plan(recipe(ortho(name)), folder=tmp_path))
+        assert np.abs(found.astype(int) - wanted).max() <= 1, name
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_an_orthoimage_lies_as_its_exif_says(tmp_path, orientation):
+    values = np.full((80, 120, 3), 128, np.uint8)
+    values[:20, :30], values[60:, :30] = (250, 20, 20), (20, 20, 250)
+    upright, exif = Picture.fromarray(values), Picture.Exif()
+    upright.save(tmp_path / "upright.png")
+    exif[0x0112] = orientation
+    undone = {
+        2: "FLIP_LEFT_RIGHT", 3: "ROTATE_180", 4: "FLIP_TOP_BOTTOM", 5: "TRANSPOSE",
+        6: "ROTATE_90", 7: "TRANSVERSE", 8: "ROTATE_270",
+    }.get(orientation)  # fmt: skip
+    stored = upright.transpose(Picture.Transpose[undone]) if undone else upright
+    stored.save(tmp_path / "turned.png", exif=exif)
+    wanted, found = (
+        coloured(plan(recipe(ortho(name)), folder=tmp_path)).astype(int)
+        for name in ("upright.png", "turned.png")
+    )
+    assert np.abs(found - wanted).max() <= 1
 
 
 def test_fine_orthoimage_is_averaged_not_sampled(tmp_path):
