@@ -48,6 +48,7 @@ def read_surroundings(
     to_pixel: tuple[float, ...],
     size: tuple[float, float],
     reach: float | None,
+    followed: bool = False,
 ) -> tuple[FarHeights, ...]:
     """The heights around a site, out to where nothing can be seen any more or the raster ends.
 
@@ -58,11 +59,13 @@ def read_surroundings(
         to_pixel: From the raster's coordinates to its samples, for this site.
         size: The site's, east and north [m].
         reach: How far is asked for from the site's border [m]; None for the horizon.
+        followed: Whether another terrain model goes on where this one ends, so that its own heights
+            fade out before its end and not beyond it.
     """
     levels: list[FarHeights] = []
     half, radius = _first(raster, crs, to_pixel, max(size)), raster.body.mean_radius
     while True:
-        found = _level(raster, source, crs, to_pixel, half)
+        found = _level(raster, source, crs, to_pixel, half, followed=followed)
         if found is None:
             break
         level, whole = found
@@ -88,11 +91,18 @@ def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -
 
 
 def _level(
-    raster: Raster, source: str, crs: str, to_pixel: tuple[float, ...], half: float
+    raster: Raster,
+    source: str,
+    crs: str,
+    to_pixel: tuple[float, ...],
+    half: float,
+    *,
+    followed: bool,
 ) -> tuple[FarHeights, bool] | None:
     """A window of that half side, and whether the raster ends in it; None where nothing is had.
 
-    Where the raster ends, its border's heights go on for the samples in which they fade out.
+    Where the raster ends, its border's heights go on for the samples in which they fade out, unless
+    it is followed by another.
     """
     whole = placed(raster, crs, to_pixel)
     steps = np.linspace(-half, half, 9)
@@ -111,14 +121,15 @@ def _level(
     heights, known = read
     if known.mean() < 0.1:
         return None
-    more = [min(n, _FADE) for n in above], [min(n, _FADE) for n in beside]
+    most = 0 if followed else _FADE
+    more = [min(n, most) for n in above], [min(n, most) for n in beside]
     valid = np.pad(known, more)
     heights = np.pad(fill_holes(heights, known), more, mode="edge")
     a, b, c, d, e, f = to_pixel
     half_step = 0.5 * (step - 1)
     level = FarHeights(
         heights=heights.astype(np.float32),
-        weight=_weight(valid).astype(np.float32),
+        weight=_weight(valid, followed=followed).astype(np.float32),
         to_pixel=(
             a / step, b / step, (c - left - half_step) / step + more[1][0],
             d / step, e / step, (f - top - half_step) / step + more[0][0],
@@ -206,13 +217,18 @@ def _datum_rise(
     return datum_radii(raster.crs, place[1]) - middle
 
 
-def _weight(valid: Mask) -> Array:
-    """1 where heights are measured, fading to 0 beyond that and towards the window's border."""
-    from scipy.ndimage import distance_transform_edt
+def _weight(valid: Mask, *, followed: bool) -> Array:
+    """1 where heights are measured, fading to 0 beyond that and towards the window's border.
+
+    Where another terrain model follows, they fade before what is not measured around the raster.
+    """
+    from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
     across = min(_FADE, 0.25 * min(valid.shape))
     row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in valid.shape)
     inside = np.minimum(row[:, None], column[None, :])
+    if followed and not valid.all():
+        inside = np.minimum(inside, distance_transform_edt(binary_fill_holes(valid)))
     beyond = distance_transform_edt(~valid)
     part = np.clip(np.minimum(inside, across - beyond) / across, 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))

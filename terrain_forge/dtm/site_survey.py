@@ -272,8 +272,9 @@ def _around(
         return ()
     reach = horizon.reach_m
     return read_surroundings(
-        raster, source=spec.name, crs=crs, to_pixel=to_pixel, size=spec.size_m, reach=reach
-    )
+        raster, source=spec.name, crs=crs, to_pixel=to_pixel, size=spec.size_m, reach=reach,
+        followed=horizon.dtm is not None,
+    )  # fmt: skip
 
 
 def _require_meaning(raster: Raster, spec: RasterDtm) -> None:

@@ -131,6 +131,23 @@ def test_a_second_model_goes_on_at_the_height_of_the_first(site_in_hills):
     assert horizon.reach > 20000.0
 
 
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_second_model_takes_over_before_the_first_ends(site_in_hills, tmp_path, cut):
+    """Nothing of the first is made up beyond its edge, be it straight or one of no data askew."""
+    fine = raster(tmp_path / "fine.tif", posting=8.0, half=4000.0)
+    (tmp_path / "coarse.tif").symlink_to(site_in_hills / "coarse.tif")
+    if cut:
+        with rasterio.open(fine, "r+") as file:
+            heights, places = file.read(1), np.abs(np.arange(1000) - 499.5) * 8.0
+            file.write(np.where(places[:, None] + places > 4500.0, np.nan, heights), 1)
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
+    site, _, horizon = made(recipe(dtm, HorizonSpec(dtm="coarse.tif")), tmp_path)
+    x, y, z = horizon.mesh.vertices.T
+    wrong = z + drop(horizon.mesh.vertices[:, :2], (50.0, 40.0)) - land(x, y) + site.datum_height
+    here = (np.maximum(np.abs(x), np.abs(y)) > 60.0) & (np.hypot(x, y) < 8000.0)
+    assert np.abs(wrong[here]).max() < 2.0
+
+
 def test_a_second_model_elsewhere_is_refused(site_in_hills, tmp_path):
     raster(site_in_hills / "small.tif", posting=50.0, half=3000.0)
     dtm = FlatDtm(size_m=(100.0, 80.0), lonlat_deg=(10.0, 0.0))
