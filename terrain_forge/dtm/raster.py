@@ -205,14 +205,20 @@ def raster_of(
     """The raster of an open dataset; where its numbers' meaning is not given, it is read.
 
     Raises:
-        DataError: if it has no such band, lies on another body, or if the recipe says what cannot
-            be of it.
+        DataError: if it has no such band, is a single line, lies on another body, or if the recipe
+            says what cannot be of it.
     """
     if spec.band > dataset.count:
         raise DataError(f"band {spec.band} of {dataset.count} in {spec.name}", key=("dtm", "band"))
     if spec.nodata_range is not None and spec.nodata_range[0] > spec.nodata_range[1]:
         low, high = spec.nodata_range
         raise DataError(f"{low:g} to {high:g}: the lower value first", key=("dtm", "nodata_range"))
+    if min(dataset.shape) < 2:
+        raise DataError(
+            f"{spec.name} has {dataset.width} × {dataset.height} pixels, a terrain model needs at "
+            "least 2 × 2",
+            key=("dtm", "source"),
+        )
     crs, to_pixel = _georeference(dataset, spec)
     _require_body(crs, body, spec)
     return Raster(

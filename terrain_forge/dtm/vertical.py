@@ -74,7 +74,8 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         body: whose radius the numbers may lie around.
 
     Raises:
-        DataError: for a height range of a raster that does not hold integers, or a scale of 0.
+        DataError: for a height range of a raster that does not hold integers, or a scale of 0 or
+            that is not finite, as an offset.
     """
     band = spec.band - 1
     dtype = np.dtype(dataset.dtypes[band])
@@ -86,16 +87,11 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     else:
         metres = metres_of(unit) or _kilometres(typical, dataset, spec, body)
         scale, offset = dataset.scales[band] * metres, dataset.offsets[band] * metres
-        if scale == 0.0 and spec.height_scale is None:
-            raise DataError(
-                f"the band's scale in {spec.name} is 0, which makes all heights equal: give "
-                "dtm.height_scale",
-                key=("dtm", "source"),
-            )
         declared = (scale, offset) != (1.0, 0.0) or spec.height_scale is not None
         known = declared or dtype.kind != "u" or metres_of(unit) is not None
         scale = scale if spec.height_scale is None else spec.height_scale
         offset = offset if spec.height_offset_m is None else spec.height_offset_m
+        _require_scale(spec, scale, offset)
     is_radius = _around(offset, body) or _around(typical * scale + offset, body)
     return Vertical(
         scale=scale,
@@ -135,7 +131,8 @@ def require_no_sentinel(values: NDArray[np.float64], source: str, *, cliff: floa
             raise DataError(
                 f"{source} holds {found.sum()} samples of the value {suspect:.10g} beside values "
                 f"of {others.min():g} to {others.max():g}: if it means no data, give dtm.nodata: "
-                f"{suspect:.10g}; if not, what else it is",
+                f"{suspect:.10g} (dtm.nodata_range for several such); if it is a height, choose a "
+                "place away from it by dtm.centre",
                 key=("dtm", "nodata"),
             )
 
@@ -152,6 +149,22 @@ def require_heights(heights: NDArray[np.float64], source: str, body: Body) -> No
             f"{source} has heights of {farthest:.4g} m from the datum, {body.name}'s radius is "
             f"{body.mean_radius:.4g} m: if these are no data, give dtm.nodata; if another unit, "
             "dtm.height_scale; if radii, dtm.height_offset_m",
+            key=("dtm", "source"),
+        )
+
+
+def _require_scale(spec: RasterDtm, scale: float, offset: float) -> None:
+    """Refuse a band's scale [m] and offset [m] that make no heights of its numbers."""
+    if scale == 0.0 or not np.isfinite(scale):
+        raise DataError(
+            f"the band's scale in {spec.name} is {scale:g}, which makes no heights of its numbers: "
+            "give dtm.height_scale, metres for each of them",
+            key=("dtm", "source"),
+        )
+    if not np.isfinite(offset):
+        raise DataError(
+            f"the band's offset in {spec.name} is {offset:g}: give dtm.height_offset_m, the height "
+            "of the number 0 in metres",
             key=("dtm", "source"),
         )
 

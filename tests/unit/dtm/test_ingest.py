@@ -99,7 +99,9 @@ def test_any_number_far_from_all_others_is_asked_about(tmp_path, mark, dtype, sc
     heights = (rough() + 300.0) / scale
     heights[148:152, 190:195] = mark
     write_raster(tmp_path, heights.astype(dtype), scale=scale)
-    with pytest.raises(DataError, match=r"20 samples of the value .*dtm.nodata"):
+    with pytest.raises(
+        DataError, match=r"20 samples of the value .*dtm.nodata: .*dtm.nodata_range.*by dtm.centre$"
+    ):
         plan(tmp_path)
     assert plan(tmp_path, replace(SPEC, nodata=mark))[0].dtm.filled == 20
 
@@ -132,6 +134,23 @@ def test_a_scale_of_zero_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"scale in dtm\.tif is 0"):
         plan(tmp_path)
     assert plan(tmp_path, replace(SPEC, height_scale=2.0))[0].datum_height == pytest.approx(2.0)
+
+
+def test_a_scale_or_offset_that_is_no_number_is_refused(tmp_path):
+    write_raster(tmp_path, np.ones((300, 400), np.int16), scale=np.nan)
+    with pytest.raises(DataError, match=r"scale in dtm\.tif is nan, .* give dtm\.height_scale"):
+        plan(tmp_path)
+    assert plan(tmp_path, replace(SPEC, height_scale=2.0))[0].datum_height == pytest.approx(2.0)
+    write_raster(tmp_path, np.ones((300, 400), np.int16), offset=np.inf)
+    with pytest.raises(DataError, match=r"offset in dtm\.tif is inf: give dtm\.height_offset_m"):
+        plan(tmp_path)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 400), (300, 1)])
+def test_a_single_line_of_pixels_is_refused(tmp_path, shape):
+    write_raster(tmp_path, np.ones(shape, np.float32))
+    with pytest.raises(DataError, match=rf"has {shape[1]} × {shape[0]} pixels, .* at least 2 × 2"):
+        plan(tmp_path)
 
 
 def test_deep_ground_is_no_mark(tmp_path):
