@@ -228,8 +228,8 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
 
 def _difference(theirs: dict[str, Any], mine: dict[str, Any]) -> str:
     """The first key in which two recipes differ."""
-    for key, value in mine.items():
-        other = theirs.get(key)
+    for key in {**mine, **theirs}:
+        value, other = mine.get(key, "nothing"), theirs.get(key, "nothing")
         if other != value:
             if isinstance(other, dict) and isinstance(value, dict):
                 return f" ({key}{_difference(other, value).replace(' (', '.', 1)}"
