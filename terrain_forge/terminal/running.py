@@ -59,7 +59,9 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         return WRONG_INPUT
     except click.ClickException as error:
         message = " ".join(error.format_message().split())
-        say(f"terrain-forge: {message} (see terrain-forge --help)", err=True)
+        context = error.ctx if isinstance(error, click.UsageError) else None
+        asked = context.command_path if context else "terrain-forge"
+        say(f"terrain-forge: {message} (see {asked} --help)", err=True)
         return WRONG_INPUT
     except (click.Abort, KeyboardInterrupt) as error:
         why = str(error) or str(error.__cause__ or "")  # click's has what we raised as its cause

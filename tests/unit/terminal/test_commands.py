@@ -221,6 +221,20 @@ def test_a_number_is_finite(line):
     assert re.search(r"is no finite number|is not in the range", done.stderr)
 
 
+@pytest.mark.parametrize(
+    ("line", "asked"),
+    [
+        ("worlds", "terrain-forge worlds --help"),
+        ("build r.yaml --onyl usd", "terrain-forge build --help"),
+        ("bild r.yaml", "terrain-forge --help"),
+    ],
+)
+def test_a_wrong_line_names_the_help_of_its_command(line, asked):
+    done = run(*line.split())
+    assert (done.returncode, len(done.complaints)) == (2, 1), done.stderr
+    assert done.complaints[0].endswith(f"(see {asked})")
+
+
 def test_no_option_takes_what_is_no_number():
     """NaN is neither below nor above a bound of click's own types."""
     for name, command in cli.commands.items():
