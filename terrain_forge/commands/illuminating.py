@@ -65,17 +65,20 @@ def illumination(
     rocks or drawn detail. Of a world there is a film of its day too, with all that is in it.
     """
     from terrain_forge.base import resolved
-    from terrain_forge.building import require_apart
+    from terrain_forge.building import read_manifest, require_apart
     from terrain_forge.dtm import RasterDtm
     from terrain_forge.illumination import Source, Wish, illuminate
     from terrain_forge.making import plan
     from terrain_forge.model import World
     from terrain_forge.recipe import input_paths
     from terrain_forge.terminal import load_given, located
+    from terrain_forge.tiling import is_site
 
     wish = Wish(reach=1e3 * reach, **wishes)
     how: dict[str, Any] = {"force": force, "tell": partial(say, err=True)}
     if recipe.is_dir():
+        if is_site(recipe):
+            read_manifest(recipe)  # says what to do with it
         world = World.load(recipe)
         target = out or Path(f"{world.site.name}_illumination")
         require_apart(resolved(target), [recipe])

@@ -134,7 +134,7 @@ def test_a_part_beyond_the_site_is_refused(built, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("arguments", [("export", "--only", "glb"), ("record",)])
+@pytest.mark.parametrize("arguments", [("export", "--only", "glb"), ("record",), ("illumination",)])
 def test_what_wants_a_world_points_to_cut(built, arguments):
     name, *more = arguments
     done = command.run(name, built, *more)
