@@ -42,7 +42,13 @@ class GroundMaker:
     def world(
         self, difficulty: float, number: int, *, size: tuple[float, float] | None = None
     ) -> World:
-        """A world of a difficulty, 0 to 1, and a number; of another size than the recipe's."""
+        """A world of a difficulty, 0 to 1, and a number; of another size than the recipe's.
+
+        Raises:
+            ValueError: for another difficulty.
+        """
+        if not 0.0 <= difficulty <= 1.0:
+            raise ValueError(f"difficulty: {difficulty:g}, allowed: 0 to 1")
         recipe, spec = self.recipe, self.recipe.worlds or WorldsSpec()
         if size is not None:
             recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=size))

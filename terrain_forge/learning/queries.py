@@ -19,8 +19,9 @@ class Grounds:
     """The grounds of worlds of one size and spacing, as arrays of one library.
 
     Points are `world`, whole numbers of any shape, and `east` and `north` [m] of the same shape, or
-    of one that broadcasts; what lies outside a world counts as its edge. All is computed by the
-    library that the arrays are of, on the device where they are.
+    of one that broadcasts; what lies outside a world counts as its edge, and of NaN all is NaN, -1
+    as a rock's id. All is computed by the library that the arrays are of, on the device where they
+    are.
     """
 
     elevation: Any
@@ -77,13 +78,13 @@ class Grounds:
         sw, se, nw, ne = corners
         below = sw + u * (se - sw) + v * (ne - se)
         above = sw + v * (nw - sw) + u * (ne - nw)
-        upper = _as(v > u, u)
+        upper = _upper(u, v)
         return below + upper * (above - below)
 
     def rise_at(self, world: Any, east: Any, north: Any) -> tuple[Any, Any]:
         """Rise of the triangle under each point, per metre east and north."""
         (sw, se, nw, ne), u, v = self._cell(world, east, north)
-        upper = _as(v > u, u)
+        upper = _upper(u, v)
         rise_east = (1 - upper) * (se - sw) + upper * (ne - nw)
         rise_north = (1 - upper) * (ne - se) + upper * (nw - sw)
         return rise_east / self.spacing, rise_north / self.spacing
@@ -101,21 +102,24 @@ class Grounds:
 
     def rock_at(self, world: Any, east: Any, north: Any) -> Any:
         """Id of the rock on top of the node nearest to each point, -1 for the ground."""
-        row, column = self._nodes(east, north, 0.5)
-        return self.rock[world, row, column]
+        row, column, nothing = self._nodes(east, north)
+        rock = self.rock[world, row, column]
+        known = _as(nothing == 0.0, rock)
+        return known * rock + known - 1
 
     def top_at(self, world: Any, east: Any, north: Any) -> Any:
         """Height [m] of ground or rock at the node nearest to each point."""
-        row, column = self._nodes(east, north, 0.5)
-        return self.top[world, row, column]
+        row, column, nothing = self._nodes(east, north)
+        top = self.top[world, row, column]
+        return top + _as(nothing, top)
 
-    def _nodes(self, east: Any, north: Any, add: float) -> tuple[Any, Any]:
-        """Row and column of a node at each point, at most the last ones."""
+    def _nodes(self, east: Any, north: Any) -> tuple[Any, Any, Any]:
+        """Row and column of the node nearest to each point, and 0, or NaN where that is none."""
         rows, columns = self.elevation.shape[1:]
         east, north = _number(east), _number(north)
-        column = ((east - self.origin[0]) / self.spacing + add).clip(0, columns - 1)
-        row = ((north - self.origin[1]) / self.spacing + add).clip(0, rows - 1)
-        return _whole(row), _whole(column)
+        column = ((east - self.origin[0]) / self.spacing + 0.5).clip(0, columns - 1)
+        row = ((north - self.origin[1]) / self.spacing + 0.5).clip(0, rows - 1)
+        return _whole(row, rows - 1), _whole(column, columns - 1), 0.0 * (row + column)
 
     def _cell(self, world: Any, east: Any, north: Any) -> tuple[tuple[Any, ...], Any, Any]:
         """Heights of the corners of the cell under each point, and where in it the point lies."""
@@ -123,7 +127,7 @@ class Grounds:
         east, north = _number(east), _number(north)
         x = ((east - self.origin[0]) / self.spacing).clip(0, columns - 1)
         y = ((north - self.origin[1]) / self.spacing).clip(0, rows - 1)
-        i, j = _whole(x.clip(0, columns - 2)), _whole(y.clip(0, rows - 2))
+        i, j = _whole(x, columns - 2), _whole(y, rows - 2)
         z = self.elevation
         corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
         return corners, x - i, y - j
@@ -134,11 +138,18 @@ def _number(values: Any) -> Any:
     return np.float64(values) if isinstance(values, int | float) else values
 
 
-def _whole(values: Any) -> Any:
-    """Values that are not negative, rounded down to whole numbers."""
-    return values.long() if hasattr(values, "long") else values.astype("int32")
+def _whole(values: Any, most: int) -> Any:
+    """Values that are not negative, rounded down to whole numbers up to one; 0 or that of NaN."""
+    with np.errstate(invalid="ignore"):
+        whole = values.long() if hasattr(values, "long") else values.astype("int32")
+    return whole.clip(0, most)
+
+
+def _upper(u: Any, v: Any) -> Any:
+    """1 in the upper triangle of a cell and 0 in the lower one, NaN where a place is NaN."""
+    return _as(v > u, u) + 0.0 * (u + v)
 
 
 def _as(truth: Any, like: Any) -> Any:
-    """0 and 1 for false and true, of the type of other values."""
+    """Numbers, or 0 and 1 for false and true, of the type of other values."""
     return truth.to(like.dtype) if hasattr(truth, "to") else truth.astype(like.dtype)

@@ -311,6 +311,26 @@ def test_batched_queries_equal_those_of_each_world(made):
     assert np.all(grounds.top_at(n, x, y)[on_rock] > height[on_rock] - 0.3)
 
 
+def test_queries_of_no_place_give_none(made):
+    grounds = learning.Grounds.of(made.folders)
+    for x, y in ((np.nan, 0.0), (np.array([0.5, np.nan]), np.array([np.nan, 0.5]))):
+        found = (
+            *(grounds.height_at(0, x, y), grounds.top_at(0, x, y), grounds.slope_at(0, x, y)),
+            *grounds.normal_at(0, x, y),
+        )
+        assert np.isnan(found).all()
+        assert np.all(grounds.rock_at(0, x, y) == -1)
+    assert grounds.top_at(0, np.zeros(2), np.zeros(2)).dtype == grounds.top.dtype
+    assert grounds.rock_at(0, np.inf, -np.inf) == grounds.rock[0, 0, -1]
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, np.nan])
+def test_a_difficulty_is_a_part(difficulty):
+    maker = learning.GroundMaker(recipe=recipe())
+    with pytest.raises(ValueError, match=r"difficulty: \S+, allowed: 0 to 1"):
+        maker.mjlab(difficulty, None, np.random.default_rng(1))
+
+
 def test_queries_go_to_another_library_without_a_copy(made):
     jax = pytest.importorskip("jax")
     here = learning.Grounds.of(made.folders)
