@@ -7,7 +7,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import ExportError
 from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
@@ -78,37 +77,32 @@ class LidarMotion:
         """Prepare a lidar.
 
         Raises:
-            ExportError: if it sits on a link that moves against the body.
+            ExportError: if it sits on a link whose motion was not recorded.
         """
-        link = recording.recipe_of(lidar).get("link")
-        if link in recording.about.get("moving_links", ()):
-            raise ExportError(
-                f"the points of lidar {lidar.name!r} cannot be moved by the body's motion: it sits "
-                f"on {link!r}, which moves against it"
-            )
-        self._lidar, self._body = lidar, recording.body_poses
+        self._lidar, (self._carrier, self._pose) = lidar, recording.carrier(lidar)
         self._length = round(1e9 / lidar.rate)
 
     def covers(self, begin: int) -> bool:
         """Whether the truth is known during a sweep."""
-        return self._body.covers(begin, begin + self._length)
+        return self._carrier.covers(begin, begin + self._length)
 
     def at(self, stamps: Stamps) -> Poses:
         """Poses of the lidar in the world."""
-        return self._body.at(stamps).carrying(self._lidar.body_pose)
+        return self._carrier.at(stamps).carrying(self._pose)
 
     def in_world(self, sweep: NDArray[Any], begin: int) -> NDArray[np.float64]:
         """Places of a sweep's points in the world [m], each by the pose at its own time."""
         when, which = np.unique(nanoseconds(sweep), return_inverse=True)
         return moved(places(sweep), self.at(begin + when).matrices[which])
 
-    def at_stamp(self, sweep: NDArray[Any], begin: int, stamp: int) -> NDArray[np.float64]:
-        """Places of a sweep's points where the lidar sees them at a stamp [m].
+    def seen_from(
+        self, sweep: NDArray[Any], begin: int, pose: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Places of a sweep's points where the lidar sees them [m] from a pose, shape [4, 4].
 
         Those on the rover, which moves with the lidar, stay.
         """
-        back = inverse_pose(self.at(np.array([stamp])).matrices[0])
-        seen = moved(self.in_world(sweep, begin), back)
+        seen = moved(self.in_world(sweep, begin), inverse_pose(pose))
         return np.where(on_rover(sweep, self._lidar)[:, None], places(sweep), seen)
 
 

@@ -48,7 +48,7 @@ class Poses:
     def __len__(self) -> int:
         return len(self.stamps)
 
-    def __getitem__(self, which: slice) -> Poses:
+    def __getitem__(self, which: slice | NDArray[np.bool_]) -> Poses:
         return Poses(
             stamps=self.stamps[which],
             position=self.position[which],
@@ -70,15 +70,33 @@ class Poses:
     def _runs(self) -> NDArray[np.int64]:
         """Which samples follow each other without a gap: numbers of the runs, shape [times]."""
         steps = np.diff(self.stamps)
-        return np.concatenate([[0], np.cumsum(steps > 2.5 * np.median(steps))])
+        late = 2.5 * np.median(steps) if len(steps) else 0.0
+        return np.concatenate([np.zeros(min(len(self), 1), np.int64), np.cumsum(steps > late)])
+
+    def covering(self, first: Stamps, last: Stamps) -> NDArray[np.bool_]:
+        """Whether it has samples without a gap from some times to others [ns]."""
+        if len(self) < 4:
+            return np.zeros(len(first), np.bool_)
+        inside = (first >= self.stamps[0]) & (last <= self.stamps[-1])
+        before = np.searchsorted(self.stamps, first, side="right") - 1
+        after = np.searchsorted(self.stamps, last, side="left")
+        one, other = (self._runs[np.clip(at, 0, len(self) - 1)] for at in (before, after))
+        return np.asarray(inside & (one == other))
 
     def covers(self, first: int, last: int) -> bool:
         """Whether it has samples without a gap from one time to another [ns]."""
-        if len(self) < 4 or first < self.stamps[0] or last > self.stamps[-1]:
-            return False
-        before = np.searchsorted(self.stamps, first, side="right") - 1
-        after = np.searchsorted(self.stamps, last, side="left")
-        return bool(self._runs[before] == self._runs[after])
+        return bool(self.covering(np.array([first]), np.array([last]))[0])
+
+    @cached_property
+    def beside(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Numbers of the samples before and after each; its own where a gap is."""
+        own = np.arange(len(self))
+        before, after = np.maximum(own - 1, 0), np.minimum(own + 1, len(self) - 1)
+        runs = self._runs
+        return (
+            np.where(runs[before] == runs, before, own),
+            np.where(runs[after] == runs, after, own),
+        )
 
     def at(self, stamps: Stamps) -> Poses:
         """The poses at other times, by the cubic through the four samples around each.
@@ -87,7 +105,7 @@ class Poses:
             DataError: for times that it does not cover.
         """
         own, wanted = self.stamps, np.asarray(stamps, np.int64)
-        if wanted.size and not self.covers(int(wanted.min()), int(wanted.max())):
+        if not self.covering(wanted, wanted).all():
             raise DataError(
                 f"poses are needed from {wanted.min()} to {wanted.max()} ns, and the truth does "
                 f"not tell all of them: it lasts from {own[0]} to {own[-1]} ns"

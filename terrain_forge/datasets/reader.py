@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, portable, read_lines, read_text, reading
+from terrain_forge.base import (
+    Array,
+    DataError,
+    ExportError,
+    portable,
+    read_lines,
+    read_text,
+    reading,
+)
 from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
 from terrain_forge.datasets.streams import (
     RecordedCamera,
@@ -24,6 +33,7 @@ from terrain_forge.datasets.streams import (
 VERSION = 1
 """Of the layout of a recording, as its dataset.json says."""
 INDEX = "dataset.json"
+BASE = "base_link"
 TRUTH = "state_groundtruth_estimate0"
 _LARGEST_TEXT = 2**24
 _PARALLEL = 1e-9
@@ -94,8 +104,10 @@ class Recording:
 
     def recipe_of(self, sensor: RecordedSensor) -> Mapping[str, Any]:
         """What the recipe says of a sensor; nothing where dataset.json does not have it."""
-        told = self.about.get("sensors") or ()
-        return next((one for one in told if one.get("name") == sensor.name), {})
+        told = {one.get("name"): one for one in self.about.get("sensors") or ()}
+        pair = re.sub("_(left|right)$", "", sensor.name)
+        found: Mapping[str, Any] = told.get(sensor.name) or told.get(pair) or {}
+        return found
 
     @property
     def name(self) -> str:
@@ -114,12 +126,45 @@ class Recording:
 
     @cached_property
     def base_from_body(self) -> Array:
-        """From the body's frame to base_link's, shape [4, 4]."""
-        if self.body_name == "base_link":
+        """From the body's frame to base_link's where the rover stands, shape [4, 4]."""
+        if self.body_name == BASE:
             return np.eye(4)
         told = self.about["transforms"].get(self.body_name)
         with reading(f"transforms of {INDEX}"):
             return np.array(told, np.float64).reshape(4, 4)
+
+    def base_pose(self, sensor: RecordedSensor) -> Array:
+        """From a sensor's frame to base_link's where the rover stands, shape [4, 4]."""
+        return np.asarray(portable.product(self.base_from_body, sensor.body_pose))
+
+    def link_of(self, key: str) -> str:
+        """The link that the sensor of a folder moves with: base_link, or one of `moving_links`."""
+        link = self._links.get(key, BASE)
+        return link if link in self.about.get("moving_links", ()) else BASE
+
+    @cached_property
+    def _links(self) -> Mapping[str, str]:
+        """Links by folders; recordings of earlier versions tell them in the recipe's sensors."""
+        told: Mapping[str, str] | None = self.about.get("links")
+        if told is not None:
+            return told
+        return {one.key: self.recipe_of(one).get("link", BASE) for one in self.sensors}
+
+    def carrier(self, sensor: RecordedSensor) -> tuple[Poses, Array]:
+        """Poses, at the truth's rate, of what a sensor is fixed to, and its own there, [4, 4].
+
+        Raises:
+            ExportError: if it sits on a moving link that the body does not sit on.
+        """
+        link = self.link_of(sensor.key)
+        if link == self.link_of(self.body_name):
+            return self.body_poses, sensor.body_pose
+        if link == BASE:
+            return self.base_poses, self.base_pose(sensor)
+        raise ExportError(
+            f"{sensor.name!r} cannot be followed between its own stamps: it sits on {link!r}, "
+            f"which moves against base_link and {self.body_name}"
+        )
 
     @cached_property
     def pairs(self) -> tuple[StereoPair, ...]:
@@ -132,6 +177,7 @@ class Recording:
                 flat = offset - np.eye(4)
                 flat[0, 3] = 0.0
                 beside = baseline > 0.0 and np.abs(flat).max() <= max(baseline, 1.0) * _PARALLEL
+                beside &= self.link_of(left.key) == self.link_of(right.key)
                 if beside and left.size == right.size and _at_once(left, right) and left.span:
                     found.append(StereoPair(left=left, right=right, baseline=baseline))
         return tuple(found)
@@ -194,10 +240,10 @@ class Recording:
             raise DataError(f"truth/{sensor.key}.tum is not at the stamps of {sensor.key}")
         return Poses(stamps=sensor.stamps, position=poses.position, quaternion=poses.quaternion)
 
-    @property
+    @cached_property
     def base_poses(self) -> Poses:
-        """Where base_link is in the world."""
-        return self._truth_file("base_link")
+        """Where base_link is in the world, at the stamps of the body's truth."""
+        return self._truth_file(BASE)
 
     def _truth_file(self, name: str) -> Poses:
         path, where = self.folder / "truth" / f"{name}.tum", f"truth/{name}.tum"

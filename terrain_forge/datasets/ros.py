@@ -5,16 +5,17 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable, quaternion_from_matrix
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
 from terrain_forge.datasets.pictures import bits_losses, picture_of
 from terrain_forge.datasets.poses import Poses, inverse_pose
-from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.reader import BASE, Recording
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
 from terrain_forge.datasets.ros_series import (
     ODOMETRY,
@@ -33,7 +34,7 @@ from terrain_forge.datasets.writer import DatasetWriter, needed
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-WORLD, BASE = "map", "base_link"
+WORLD = "map"
 TRUTH_TOPIC = "/ground_truth/odometry"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
 _DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
@@ -51,7 +52,8 @@ class RosOptions(Spec):
     """Bits of `ring` in Ouster's layout: 8 in older drivers and FAST-LIO, 16 in newer ones."""
     truth: Literal["odometry", "tf", "both", "none"] = "odometry"
     """Where the true pose of base_link goes: `odometry`, to /ground_truth/odometry; `tf`, to /tf,
-    where a system's own answer would be a second parent of base_link."""
+    where a system's own answer would be a second parent of base_link. Frames of sensors that move
+    against base_link are always there."""
     depth: bool = False
     """Write the cameras' true depth as images of 32-bit metres."""
 
@@ -124,9 +126,15 @@ class RosMessages:
         truth = self.options.truth
         if truth in ("odometry", "both"):
             found.append(self._topic(TRUTH_TOPIC, ODOMETRY, self._odometry))
-        if truth in ("tf", "both"):
-            found.append(self._topic("/tf", TRANSFORMS, self._tf))
+        if truth in ("tf", "both") or self._mounted(moving=True):
+            found.append(self._topic("/tf", TRANSFORMS, self._transforms))
         return found
+
+    def _transforms(self) -> Iterator[Pair]:
+        """What is on /tf: sensors that move against base_link, and base_link where asked for."""
+        streams = [self._moving(sensor) for sensor in self._mounted(moving=True)]
+        streams += [self._tf()] if self.options.truth in ("tf", "both") else []
+        return heapq.merge(*streams, key=itemgetter(0))
 
     def untold(self) -> list[str]:
         """Folders of sensors that no message is written for."""
@@ -144,15 +152,33 @@ class RosMessages:
     def _static(self) -> Iterator[Pair]:
         begin = self.recording.span[0]
         transforms = []
-        for sensor in self.recording.sensors:
-            if "T_BS" not in sensor.about:
-                continue
-            pose = portable.product(self.recording.base_from_body, sensor.body_pose)
+        for sensor in self._mounted(moving=False):
+            pose = self.recording.base_pose(sensor)
             turn = quaternion_from_matrix(pose[:3, :3])
             transforms.append(
                 self.parts.transform(begin, BASE, frame_of(sensor), pose[:3, 3], turn)
             )
         yield begin, self.parts.make(TRANSFORMS, transforms)
+
+    def _mounted(self, *, moving: bool) -> list[RecordedSensor]:
+        """Sensors that sit on base_link, or on links that move against it."""
+        there = (one for one in self.recording.sensors if "T_BS" in one.about)
+        return [one for one in there if (self.recording.link_of(one.key) != BASE) == moving]
+
+    def _moving(self, sensor: RecordedSensor) -> Iterator[Pair]:
+        """Where a sensor that moves against base_link is in its frame, at the sensor's stamps."""
+        if not sensor.span:
+            return
+        truth, base = self.recording.truth_of(sensor), self.recording.base_poses
+        truth = truth[base.covering(truth.stamps, truth.stamps)]
+        poses = portable.product(inverse_pose(base.at(truth.stamps).matrices), truth.matrices)
+        turns, frame = quaternion_from_matrix(poses[:, :3, :3]), frame_of(sensor)
+        for number, stamp in enumerate(truth.stamps.tolist()):
+            at = poses[number, :3, 3], turns[number]
+            yield (
+                stamp,
+                self.parts.make(TRANSFORMS, [self.parts.transform(stamp, BASE, frame, *at)]),
+            )
 
     def _camera_topics(self, camera: RecordedCamera) -> list[Topic]:
         frame = frame_of(camera)
@@ -238,7 +264,16 @@ class RosMessages:
         return lambda: series_messages(self.parts, table, frame_of(table))
 
     def _base_states(self) -> Iterator[tuple[Poses, Array, Array]]:
-        """True poses of base_link, its velocity and rate in its own frame, in pieces."""
+        """True poses of base_link, its velocity and rate in its own frame, in pieces.
+
+        Where the body moves against it, they are base_link's own, and so is what follows of them.
+        """
+        if self.recording.link_of(self.recording.body_name) != BASE:
+            poses = self.recording.base_poses
+            turn = np.swapaxes(poses.matrices[:, :3, :3], -1, -2)
+            own = (turn * _velocities(poses)[:, None, :]).sum(axis=-1)
+            yield poses, own, _rates(poses)
+            return
         body = inverse_pose(self.recording.base_from_body)
         for poses, velocity, kept in self.recording.body_pieces():
             rate = _rates(poses)
@@ -289,11 +324,8 @@ def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
 
 def _rates(poses: Poses) -> Array:
     """Angular rates in the frame itself [rad/s], of the poses before and after each."""
-    turns, stamps = poses.quaternion, poses.stamps
-    after = np.minimum(np.arange(len(turns)) + 1, len(turns) - 1)
-    before = np.maximum(np.arange(len(turns)) - 1, 0)
+    turns, (before, after) = poses.quaternion, poses.beside
     (w1, x1, y1, z1), (w2, x2, y2, z2) = turns[before].T, turns[after].T
-    step = np.maximum(stamps[after] - stamps[before], 1) * 1e-9
     turned = np.stack(  # vector part of the quaternion from one to the other
         [
             w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
@@ -303,7 +335,21 @@ def _rates(poses: Poses) -> Array:
         axis=-1,
     )
     sign = np.where((turns[before] * turns[after]).sum(axis=-1) < 0.0, -1.0, 1.0)
-    return np.asarray(2.0 * sign[:, None] * turned / step[:, None])
+    return np.asarray(2.0 * sign[:, None] * turned / _steps(poses, before, after))
+
+
+def _velocities(poses: Poses) -> Array:
+    """Velocities [m/s] in the frame that the poses are told in, of the two on each side."""
+    before, after = poses.beside
+    both = (before, after), (before[before], after[after])
+    one, two = ((poses.position[b] - poses.position[a]) / _steps(poses, a, b) for a, b in both)
+    inside = both[1][1] - both[1][0] == 4
+    return np.where(inside[:, None], (4.0 * one - two) / 3.0, one)  # to the fourth order
+
+
+def _steps(poses: Poses, before: NDArray[np.int64], after: NDArray[np.int64]) -> Array:
+    """Times from some of the poses to others [s], shape [poses, 1]."""
+    return np.asarray(np.maximum(poses.stamps[after] - poses.stamps[before], 1)[:, None] * 1e-9)
 
 
 def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> Iterator[Message]:

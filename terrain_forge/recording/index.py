@@ -176,6 +176,7 @@ def _about(
         "epoch_ns": EPOCH,
         "body": body.name if body else "base_link",
         "transforms": {one.name: one.at_rest.ravel().tolist() for one in folders},
+        "links": {one.name: one.sensor.link for one in folders},
         "moving_links": [name for name, _ in setting.motion.links],
         "classes": _classes(streams),
         "sensors": [to_plain(sensor, {}) for sensor in world.rover.sensors],

@@ -68,6 +68,13 @@ def base_pose(time: float) -> np.ndarray:
     return transform(place, turn.as_matrix())
 
 
+def rocking_pose(time: float) -> np.ndarray:
+    """A link that rocks about a joint, in base_link; at rest the two are one frame."""
+    turn = Rotation.from_euler("y", 0.2 * math.sin(2 * time)).as_matrix()
+    joint = np.array([0.1, 0.3, 0.2])
+    return transform(joint - turn @ joint, turn)
+
+
 def on_plane(pose: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """How far along rays of a posed frame the plane z = 0 is; NaN where it is not met."""
     down = rays @ pose[2, :3]
@@ -83,9 +90,17 @@ def write_recording(
     lidar: bool = True,
     preset="vlp-16",
     extras=False,
+    rocking=(),
     **changes,
 ) -> Path:
-    """Write the recording; `changes` are of the cameras' sensor.yaml."""
+    """Write the recording; `changes` are of the cameras' sensor.yaml.
+
+    The sensors of the folders `rocking` sit on a link that rocks against base_link.
+    """
+
+    def carrier(key, time):
+        return base_pose(time) @ rocking_pose(time) if key in rocking else base_pose(time)
+
     mav, stamps = folder / "mav0", {}
     streams = []
     cameras = {"cam0": ("stereo_left", LEFT), "cam1": ("stereo_right", RIGHT)}
@@ -93,7 +108,7 @@ def write_recording(
         times = np.arange(0.0, seconds - 0.099, 0.2)
         stamps[key] = [_stamp(t) for t in times]
         for time in times:
-            _picture(mav / key, time, base_pose(time) @ mount)
+            _picture(mav / key, time, carrier(key, time) @ mount)
         about = {
             "sensor_type": "camera", "rate_hz": 5.0, "resolution": [WIDTH, ROWS],
             "camera_model": "pinhole", "distortion_model": "none", "distortion_coefficients": [],
@@ -107,8 +122,8 @@ def write_recording(
     if lidar:
         times = np.arange(0.0, seconds - 0.15, 0.1)
         stamps["lidar0"] = [_stamp(t) for t in times]
-        for number, time in enumerate(times):
-            _sweep(mav / "lidar0" / "data", number, time)
+        for time in times:
+            _sweep(mav / "lidar0" / "data", time, lambda time: carrier("lidar0", time))
         about = {"sensor_type": "lidar", "rate_hz": 10.0, "rings": 4, "column_period_s": 0.1 / 90}
         about |= {"range_min_m": 0.5, "range_max_m": 100.0}
         _sensor(mav / "lidar0", about, LIDAR, [(s, f"{s}.npy") for s in stamps["lidar0"]])
@@ -136,12 +151,14 @@ def write_recording(
         streams.append({"folder": f"mav0/{name}0", "name": name, "kind": name})
     mounts = {"cam0": LEFT, "cam1": RIGHT, "lidar0": LIDAR}
     mounts = {key: mounts.get(key, IMU) for key in stamps}
-    _truth(folder, ticks, mounts, stamps)
+    _truth(folder, ticks, mounts, stamps, carrier)
     about = {
         "version": 1, "world": {"name": "plane", "seed": 7}, "gravity_m_s2": GRAVITY,
         "motion": {"path": "circle", "source": "path"}, "body": "imu0", "classes": CLASSES,
         "transforms": {key: mount.ravel().tolist() for key, mount in mounts.items()},
         "sensors": [{"name": "lidar", "kind": "lidar", "preset": preset}], "streams": streams,
+        "links": {key: "rocker" if key in rocking else "base_link" for key in stamps},
+        "moving_links": ["rocker"] if rocking else [],
     }  # fmt: skip
     (folder / "dataset.json").write_text(json.dumps(about, indent=1))
     return folder
@@ -179,7 +196,7 @@ def _picture(folder: Path, time: float, pose: np.ndarray) -> None:
         Image.fromarray(image).save(folder / name / f"{_stamp(time)}.png")
 
 
-def _sweep(folder: Path, number: int, begin: float) -> None:
+def _sweep(folder: Path, begin: float, carrier) -> None:
     """Four rings of 90 columns, clockwise, each column at its own time and pose."""
     points = []
     for column in range(90):
@@ -190,7 +207,7 @@ def _sweep(folder: Path, number: int, begin: float) -> None:
             ray = np.array(
                 [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)]
             )
-            reach = on_plane(base_pose(begin + float(time)) @ LIDAR, ray)
+            reach = on_plane(carrier(begin + float(time)) @ LIDAR, ray)
             if np.isfinite(reach):
                 points.append((*(ray * reach), 10.0 + ring, ring, time, 7 if column < 3 else -1))
     points.append((*ON_ROVER, 10.0, 0, time, -4))
@@ -198,15 +215,16 @@ def _sweep(folder: Path, number: int, begin: float) -> None:
     np.save(folder / f"{_stamp(begin)}.npy", np.array(points, FIELDS))
 
 
-def _truth(folder: Path, ticks, mounts, stamps) -> None:
+def _truth(folder: Path, ticks, mounts, stamps, carrier) -> None:
     place = folder / "mav0" / "state_groundtruth_estimate0"
     place.mkdir(parents=True)
     (folder / "truth").mkdir()
     lines = ["#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]" + ", value" * 13]
     step = 1e-5
     for time in ticks:
-        pose = base_pose(time) @ IMU
-        speed = ((base_pose(time + step) - base_pose(time - step)) @ IMU)[:3, 3] / (2 * step)
+        pose = carrier("imu0", time) @ IMU
+        around = [carrier("imu0", time + late) @ IMU for late in (-step, step)]
+        speed = (around[1] - around[0])[:3, 3] / (2 * step)
         turn = np.roll(Rotation.from_matrix(pose[:3, :3]).as_quat(), 1)
         row = [*pose[:3, 3], *turn, *speed, *[0.0] * 6]
         lines.append(",".join([str(_stamp(time)), *(repr(float(v)) for v in row)]))
@@ -216,7 +234,7 @@ def _truth(folder: Path, ticks, mounts, stamps) -> None:
     for name, (mount, when) in frames.items():
         rows = []
         for stamp in when:
-            pose = base_pose((stamp - EPOCH) * 1e-9) @ mount
+            pose = carrier(name, (stamp - EPOCH) * 1e-9) @ mount
             turn = Rotation.from_matrix(pose[:3, :3]).as_quat()
             rows.append(
                 f"{stamp // 10**9}.{stamp % 10**9:09d} "

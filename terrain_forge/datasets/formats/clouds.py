@@ -108,7 +108,7 @@ def _write_sweeps(
         begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)
         at = places(sweep)
         if options.deskew:
-            at = motion.at_stamp(sweep, begin, begin)
+            at = motion.seen_from(sweep, begin, motion.at(lidar.stamps[[number]]).matrices[0])
         with PointFile(place / f"{begin}.{options.encoding}", options.encoding, wide=False) as file:
             file.add(points_of(sweep, at, 0.0))
     return len(lidar.stamps) - len(numbers)

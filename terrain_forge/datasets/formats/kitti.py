@@ -77,7 +77,13 @@ class Kitti(DatasetWriter):
         if coloured:
             losses.append("image_0 and image_1 are the grey of image_2 and image_3.")
         if lidar is not None:
-            losses += _write_scans(place / "velodyne", recording, pair, lidar)
+            poses = truth.carrying(_camera_from_lidar(pair, lidar))
+            losses += _write_scans(place / "velodyne", LidarMotion(recording, lidar), lidar, poses)
+            if recording.link_of(lidar.key) != recording.link_of(pair.left.key):
+                losses.append(
+                    f"{lidar.name} moves against {pair.left.name}: scans are as it would see them "
+                    "if it stood to the camera as at rest, which is what Tr says."
+                )
         return tuple(losses)
 
 
@@ -132,24 +138,26 @@ def _write_pictures(place: Path, pair: StereoPair, progress: Progress) -> bool:
 
 
 def _write_scans(
-    folder: Path, recording: Recording, pair: StereoPair, lidar: RecordedLidar
+    folder: Path, motion: LidarMotion, lidar: RecordedLidar, poses: Poses
 ) -> list[str]:
-    """For each picture the nearest sweep, its points where the lidar sees them at that time."""
+    """For each picture the nearest sweep, its points where the lidar sees them at that time.
+
+    `poses` are those of the lidar at the pictures' times, by the left camera's and Tr.
+    """
     folder.mkdir()
-    motion = LidarMotion(recording, lidar)
     begins = lidar.stamps
     length = round(1e9 / lidar.rate)
     whole = [n for n, t in enumerate(begins.tolist()) if motion.covers(t)]
     missing = 0
-    for number, stamp in enumerate(pair.left.stamps.tolist()):
+    for number, stamp in enumerate(poses.stamps.tolist()):
         path = folder / f"{number:06d}.bin"
-        if not whole or not recording.body_poses.covers(stamp, stamp):
+        if not whole:
             missing += 1
             path.write_bytes(b"")
             continue
         nearest = whole[int(np.argmin(np.abs(begins[whole] + length // 2 - stamp)))]
         points = lidar.sweep(nearest)
-        seen = motion.at_stamp(points, int(begins[nearest]), stamp)
+        seen = motion.seen_from(points, int(begins[nearest]), poses.matrices[number])
         rows = np.hstack([seen, points["intensity"][:, None].astype(np.float64) / 100.0])
         path.write_bytes(rows.astype("<f4").tobytes())
     losses = [

@@ -44,10 +44,9 @@ def test_what_a_format_needs(tmp_path, bare, recording):
             write_dataset(found, kind, tmp_path / "out")
     with pytest.raises(ExportError, match="clouds: no lidar 'top' was recorded, there are: lidar0"):
         write_dataset(recording, "clouds", tmp_path / "out", {"lidar": "top"})
-    mast = recording.about | {"moving_links": ["mast"]}
-    mast["sensors"] = [{"name": "lidar", "link": "mast"}]
+    mast = recording.about | {"moving_links": ["mast"], "links": {"lidar0": "mast"}}
     for kind, options in (("kitti", {}), ("clouds", {"map": True}), ("clouds", {"deskew": True})):
-        with pytest.raises(ExportError, match="it sits on 'mast', which moves against it"):
+        with pytest.raises(ExportError, match="it sits on 'mast', which moves against base_link"):
             write_dataset(replace(recording, about=mast), kind, tmp_path / "out", options)
     options = {"storage": "sqlite3", "compression": "zstd"}
     with pytest.raises(ExportError, match="zstd needs storage mcap"):
