@@ -55,12 +55,13 @@ def write_formats(
         What each that was written cannot say.
     """
     made = _made(store)
-    of = hashlib.sha256((store.folder / INDEX).read_bytes()).hexdigest()
+    of, sensors = _state(store)
     losses = {}
-    wanted: dict[str, Mapping[str, Any]] = {CALIBRATION: {}, **formats}
+    wanted: dict[str, Mapping[str, Any]] = {CALIBRATION: _like_tum(made, formats), **formats}
     for name, options in wanted.items():
         told = {"options": dict(options), "of": of}
-        if made.get(name) == told and store.holds_folder(name):
+        same = all(made.get(name, {}).get(key) == value for key, value in told.items())
+        if same and store.holds_folder(name):
             continue
         progress(f"formats: {name}", 0.0)
         store.free_folder(name)
@@ -74,9 +75,40 @@ def write_formats(
         store.adopt(name)
         if report.losses:
             losses[name] = tuple(report.losses)
-        made[name] = told
+        made[name] = told | {"sensors": sensors}
         store.put(_MADE, (json.dumps(made, indent=1) + "\n").encode())
     return losses
+
+
+def stale_formats(store: Store) -> tuple[str, ...]:
+    """A sentence on each format that is there and of an earlier state of the recording."""
+    (of, sensors), found = _state(store), []
+    for name, told in _made(store).items():
+        if told["of"] == of or not store.holds_folder(name):
+            continue
+        lacking = [one for one in sensors if one not in told.get("sensors", sensors)]
+        without = f" (without {', '.join(lacking)})" if lacking else ""
+        how = f"the same command with --formats {name}"
+        if told["options"]:
+            how = f"tf.record(…, formats={ {name: told['options']} })"
+        found.append(f"{name} is of an earlier state of this recording{without}: {how} renews it")
+    return tuple(found)
+
+
+def _state(store: Store) -> tuple[str, list[str]]:
+    """What tells one state of a recording from another, and the folders that measured something."""
+    text = (store.folder / INDEX).read_bytes()
+    streams = json.loads(text)["streams"]
+    measured = [one["folder"].rpartition("/")[2] for one in streams if one["count"]]
+    return hashlib.sha256(text).hexdigest(), measured
+
+
+def _like_tum(
+    made: Mapping[str, Any], formats: Mapping[str, Mapping[str, Any]]
+) -> Mapping[str, Any]:
+    """Options of the calibration: the factor of depth of `tum`, if that is or comes there."""
+    options = formats.get("tum", made.get("tum", {}).get("options", {}))
+    return {name: value for name, value in options.items() if name == "depth_factor"}
 
 
 def _tell(progress: Progress, name: str, _: str, share: float) -> None:

@@ -19,7 +19,7 @@ from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import seconds_of
 from terrain_forge.recording.early import require_formats
-from terrain_forge.recording.formats import formats_of, write_formats
+from terrain_forge.recording.formats import formats_of, stale_formats, write_formats
 from terrain_forge.recording.index import dataset_folder, write_index
 from terrain_forge.recording.order import Order
 from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, require_same
@@ -52,6 +52,8 @@ class Recorded:
     """Bytes of it all."""
     losses: dict[str, tuple[str, ...]]
     """What further formats that were written now cannot say."""
+    stale: tuple[str, ...]
+    """A sentence on each format that is of an earlier state of the recording."""
 
     def __repr__(self) -> str:
         streams = ", ".join(f"{name} {count:,}" for name, count in self.streams.items())
@@ -111,7 +113,12 @@ def record_dataset(
             losses |= {name: (f"not made: {why}",) for name, why in lacking.items()}
             store.settle()
             return Recorded(
-                folder=folder, made=len(work.tasks), streams=streams, size=store.size, losses=losses
+                folder=folder,
+                made=len(work.tasks),
+                streams=streams,
+                size=store.size,
+                losses=losses,
+                stale=stale_formats(store),
             )
 
 

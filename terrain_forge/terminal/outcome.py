@@ -114,6 +114,8 @@ def tell_recording(result: Recorded, seconds: float) -> None:
     say(f"  {size_text(result.size)}: {made} in {time_text(seconds)}")
     for name, sentences in result.losses.items():
         say(f"  {name}: {' '.join(sentences)}")
+    for sentence in result.stale:
+        say(f"  {sentence}")
 
 
 def tell_openings(out: Path, exports: Sequence[Export]) -> None:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import Progress, Spec
-from terrain_forge.datasets.calibration import calibration_files
+from terrain_forge.datasets.calibration import calibration_files, calibration_losses
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.writer import DatasetWriter
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options(Spec):
-    """Options of calibration files: none."""
+    """Options of calibration files."""
+
+    depth_factor: Literal[5000, 1000] = 5000
+    """Values in a metre of the TUM layout that `orbslam3/rgbd.yaml` is of; a recording's own
+    calibration takes that of its format `tum`."""
 
 
 class Calibration(DatasetWriter):
@@ -28,9 +32,9 @@ class Calibration(DatasetWriter):
         self, recording: Recording, folder: Path, options: Any, progress: Progress
     ) -> tuple[str, ...]:
         """Write the files."""
-        del options, progress
-        for name, text in calibration_files(recording).items():
+        del progress
+        for name, text in calibration_files(recording, options.depth_factor).items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(text)
-        return ()
+        return calibration_losses(recording)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import ExportError, FileName, Positive, Progress, Spec
 from terrain_forge.datasets.clouds import places
 from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
-from terrain_forge.datasets.reader import Recording, StereoPair
+from terrain_forge.datasets.reader import BASE, Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
 from terrain_forge.datasets.writer import DatasetWriter, Need
 from terrain_forge.writers import write_png
@@ -78,6 +78,8 @@ class Lusnar(DatasetWriter):
             "Normals, instances, shadows, flow, odometry and all but the first lidar are lost.",
         ]
         losses += bits_losses((pair.left, pair.right))
+        if recording.link_of(recording.body_name) != BASE:
+            losses.append(f"Rover_pose.txt is of {recording.body_name}, which moves on the rover.")
         if far:
             losses.append(f"{far} pixels are farther than 16 bits of depth reach: 0.")
         return tuple(losses)

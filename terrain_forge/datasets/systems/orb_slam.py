@@ -13,8 +13,6 @@ from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig
 from terrain_forge.datasets.systems.texts import OPENCV, lines, opencv_matrix, remark
 
-_DEPTH_FACTOR = 5000.0
-"""Of the TUM layout as it is written by default."""
 _TUNING: dict[str, Any] = {
     "ORBextractor.nFeatures": 2000,
     "ORBextractor.scaleFactor": 1.2,
@@ -44,7 +42,7 @@ def orb_slam_files(rig: Rig) -> dict[str, str]:
         found["orbslam3/times.txt"] = "".join(f"{stamp}\n" for stamp in stamps)
         found["orbslam3/mono.yaml"] = OPENCV + _one(camera) + _end(camera)
         if "depth" in camera.channels and (straight_stream(camera) or _kind(camera) == "PinHole"):
-            found["orbslam3/rgbd.yaml"] = _rgbd(camera)
+            found["orbslam3/rgbd.yaml"] = _rgbd(rig, camera)
     if pair := rig.pair:
         found["orbslam3/stereo.yaml"] = OPENCV + _stereo(pair) + _end(pair.left)
         found["orbslam3/stereo_rectified.yaml"] = OPENCV + _rectified(pair) + _end(pair.left)
@@ -127,10 +125,11 @@ def _end(camera: RecordedCamera) -> str:
     return lines({**size, **_TUNING, "Viewer.imageViewScale": 1.0})
 
 
-def _rgbd(camera: RecordedCamera) -> str:
+def _rgbd(rig: Rig, camera: RecordedCamera) -> str:
     """Of the TUM layout; the baseline, of which there is none, sets what is near."""
     text = _head("PinHole") + lines(_pinhole(camera, 1, straight=bool(straight_stream(camera))))
-    depth = {"RGBD.DepthMapFactor": _DEPTH_FACTOR, "Stereo.b": 0.1, "Stereo.ThDepth": _THRESHOLD}
+    factor = float(rig.depth_factor)
+    depth = {"RGBD.DepthMapFactor": factor, "Stereo.b": 0.1, "Stereo.ThDepth": _THRESHOLD}
     return OPENCV + text + lines(depth) + _end(camera)
 
 

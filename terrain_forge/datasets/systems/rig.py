@@ -34,6 +34,8 @@ class Rig:
 
     recording: Recording
     """The recording."""
+    depth_factor: float = 5000.0
+    """Values in a metre of depth pictures in the TUM layout."""
 
     @cached_property
     def pair(self) -> StereoPair | None:

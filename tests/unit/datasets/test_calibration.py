@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from terrain_forge.datasets import calibration_files, open_recording
+from terrain_forge.datasets import calibration_files, open_recording, write_dataset
 from tests.helpers.recordings import BASELINE, FOCAL, GRAVITY, IMU, LEFT, LIDAR, write_recording
 
 BENT = {
@@ -129,6 +129,48 @@ def test_gravity_of_the_earth_needs_no_warning(tmp_path):
     files = calibration_files(open_recording(folder))
     assert b"built in" not in b"".join(files.values())
     assert "lio_sam/params.yaml" not in files
+
+
+def told(files):
+    """README.txt in one line."""
+    return " ".join(files["README.txt"].decode().split())
+
+
+def test_readme_names_what_is_written_alone(tmp_path, rig):
+    every = told(rig[1])
+    assert "OpenVINS (gravity_mag), VINS-Fusion (g_norm), Kimera (n_gravity), LIO-SAM" in every
+    assert "Each of ORB-SLAM3 and Basalt has 9.81 m/s^2 built in" in every
+    folder = write_recording(tmp_path, seconds=0.2, lidar=False)
+    index = json.loads((folder / "dataset.json").read_text())
+    index["streams"] = [one for one in index["streams"] if one["kind"] == "camera"]
+    (folder / "dataset.json").write_text(json.dumps(index))
+    files = calibration_files(open_recording(folder))
+    text = told(files)
+    for word in ("OpenVINS", "VINS", "Kimera", "LIO-SAM", "Basalt", "inertial", "stands in"):
+        assert word not in text
+    assert "mav0/cam0/data: orbslam3/mono.yaml, stereo.yaml, kalibr." in text
+
+
+def test_factor_of_depth(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    for factor in (1000, 5000):
+        options = {"depth_factor": factor}
+        write_dataset(folder, "calibration", tmp_path / str(factor), options)
+        files = {"README.txt": (tmp_path / str(factor) / "README.txt").read_bytes()}
+        assert f"the TUM layout with {factor} values in a metre: orbslam3/rgbd" in told(files)
+        rgbd = opencv((tmp_path / str(factor) / "orbslam3" / "rgbd.yaml").read_bytes())
+        assert rgbd.getNode("RGBD.DepthMapFactor").real() == factor
+
+
+def test_an_imu_without_noise_is_told(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False)
+    assert write_dataset(folder, "calibration", tmp_path / "noisy").losses == ()
+    path = folder / "mav0" / "imu0" / "sensor.yaml"
+    about = json.loads(path.read_text()) | {"gyroscope_random_walk": 0.0}
+    path.write_text(json.dumps(about))
+    (loss,) = write_dataset(folder, "calibration", tmp_path / "out").losses
+    assert loss.startswith("imu0 has no noise of gyroscope_walk: the files say 0, which estimators")
+    assert "imu0 has no noise of gyroscope_walk" in told(calibration_files(open_recording(folder)))
 
 
 def test_a_fifth_coefficient_is_told(tmp_path):

@@ -121,6 +121,20 @@ def test_two_eyes_that_move_against_each_other_are_no_pair(rocked):
     assert rocked("cam0").pairs == ()
 
 
+def test_calibration_says_what_moves_against_the_body(rocked, tmp_path):
+    """By as much as the link rocks, at the camera's own stamps."""
+    losses = write_dataset(rocked("cam0"), "calibration", tmp_path / "out").losses
+    off = [np.linalg.inv(LEFT) @ rocking_pose(0.2 * n) @ LEFT for n in range(5)]
+    far = max(np.linalg.norm(one[:3, 3]) for one in off)
+    turned = max(np.degrees(0.2 * np.sin(0.4 * n)) for n in range(5))
+    told = f"cam0 moves against imu0 by up to {far:.3f} m, {turned:.1f}°: its calibration is that"
+    assert losses == (f"{told} at rest.",)
+    text = (tmp_path / "out" / "README.txt").read_text()
+    assert told in " ".join(text.split())
+    every = write_dataset(rocked("imu0"), "calibration", tmp_path / "all").losses
+    assert [loss.split()[0] for loss in every] == ["cam0", "cam1", "lidar0"]
+
+
 def test_links_of_recordings_that_do_not_list_them(rocked, tmp_path):
     """Those of earlier versions tell a link in the recipe's sensors, a pair's under one name."""
     folder = write_recording(tmp_path, seconds=0.2, lidar=False)

@@ -402,6 +402,59 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
     assert (first.folder / "counts" / "mine.txt").read_text() == "precious"
 
 
+def test_a_format_of_an_earlier_state_is_told(world, tmp_path, monkeypatch):
+    kinds = {"counts": Counting, "calibration": Calibration}
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    first = tf.record(world, tmp_path, formats=("counts",), only=("eye",), end=2.0)
+    assert first.stale == ()
+    told = "counts is of an earlier state of this recording"
+    (line,) = tf.record(world, tmp_path, only=("imu",), end=2.0).stale
+    assert line == f"{told} (without imu0): the same command with --formats counts renews it"
+    world.save(tmp_path)
+    manifest = {"format": 2, "outputs": {}, "varying": [], "exports": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    done = run("record", tmp_path, "--only", "imu", "--to", "2")
+    assert done.stdout.count(line) == 1
+    again = tf.record(world, tmp_path, formats={"counts": {"greeting": "hi "}}, end=2.0)
+    assert again.stale == ()
+    (line,) = tf.record(world, tmp_path, end=3.0).stale
+    assert line == f"{told}: tf.record(…, formats={{'counts': {{'greeting': 'hi '}}}}) renews it"
+    shutil.rmtree(first.folder / "counts")
+    assert tf.record(world, tmp_path, end=3.0).stale == ()
+
+
+class Deep(Counting):
+    """A format with tum's option."""
+
+    kind = "tum"
+
+    @dataclass(frozen=True, kw_only=True)
+    class Options(tf.Spec):
+        """A factor and a greeting."""
+
+        greeting: str = ""
+        """What it begins with."""
+        depth_factor: int = 5000
+        """Values in a metre."""
+
+
+def test_calibration_has_the_factor_of_tum(world, tmp_path, monkeypatch):
+    kinds = {"tum": Deep, "calibration": Calibration}
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    options = {"depth_factor": 1000}
+
+    def factor(**how):
+        folder = tf.record(world, tmp_path, end=2.0, **how).folder
+        return json.loads((folder / "formats.json").read_text())["calibration"]["options"]
+
+    assert factor() == {}
+    assert factor(formats={"tum": {"greeting": "hi", **options}}) == options
+    assert factor() == options  # tum's folder is still there
+    assert factor(formats=("tum",)) == {}
+
+
 def test_a_part_leaves_out_formats_of_the_recipe_that_it_cannot_have(world, tmp_path, monkeypatch):
     kinds = {"counts": Counting, "calibration": Calibration}
     for module in (writer_file, formats_file):
