@@ -21,7 +21,8 @@ POINT = np.dtype(
     ]
 )
 """A point: place [m], time [s]; a sweep's file holds places and times in 32 bits."""
-_NARROW = {"x": "<f4", "y": "<f4", "z": "<f4", "time": "<f4"}
+_PLACE = {"x": "<f4", "y": "<f4", "z": "<f4"}
+_NARROW = _PLACE | {"time": "<f4"}
 _PLY = {"f4": "float", "f8": "double", "u2": "ushort", "i4": "int"}
 _SCALE = 1e-4
 """Step of a place in LAZ [m]."""
@@ -52,7 +53,9 @@ class PointFile:
     def __init__(self, path: Path, encoding: Encoding, *, wide: bool) -> None:
         self._path, self._encoding = path, encoding
         told = {name: kind.str for name, (kind, *_) in (POINT.fields or {}).items()}
-        self._fields = told if wide else told | _NARROW
+        # The point types of PCL, which PCD is of, have places of 32 bits.
+        chosen = (_PLACE if encoding == "pcd" else {}) if wide else _NARROW
+        self._fields = told | chosen
         self._count = 0
         self._file: BinaryIO | None = None
         self._laz: Any = None

@@ -209,6 +209,8 @@ def test_a_map_of_all_sweeps_lies_on_the_plane(recording, tmp_path, encoding):
     points = READERS[encoding](tmp_path / "out" / f"lidar0.{encoding}")
     assert len(points) == sum(len(recording.lidars[0].sweep(n)) - 1 for n in range(9))
     assert np.abs(points["z"]).max() < 6e-5
+    if encoding == "pcd":  # as in the point types of PCL
+        assert points.dtype["x"] == np.float32
     assert points["time"].min() == pytest.approx(EPOCH * 1e-9, abs=1e-6)
     middle = [points[axis].mean() for axis in "xy"]
     assert np.linalg.norm(middle - base_pose(0.45)[:2, 3]) < 0.5
