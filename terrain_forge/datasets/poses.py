@@ -127,6 +127,36 @@ class Poses:
         return Poses(stamps=wanted, position=found[:, :3], quaternion=turn)
 
 
+def rates(poses: Poses) -> Array:
+    """Angular rates in the frame itself [rad/s], of the poses before and after each."""
+    turns, (before, after) = poses.quaternion, poses.beside
+    (w1, x1, y1, z1), (w2, x2, y2, z2) = turns[before].T, turns[after].T
+    turned = np.stack(  # vector part of the quaternion from one to the other
+        [
+            w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
+            w1 * y2 + x1 * z2 - y1 * w2 - z1 * x2,
+            w1 * z2 - x1 * y2 + y1 * x2 - z1 * w2,
+        ],
+        axis=-1,
+    )
+    sign = np.where((turns[before] * turns[after]).sum(axis=-1) < 0.0, -1.0, 1.0)
+    return np.asarray(2.0 * sign[:, None] * turned / _steps(poses, before, after))
+
+
+def velocities(poses: Poses) -> Array:
+    """Velocities [m/s] in the frame that the poses are told in, of the two on each side."""
+    before, after = poses.beside
+    both = (before, after), (before[before], after[after])
+    one, two = ((poses.position[b] - poses.position[a]) / _steps(poses, a, b) for a, b in both)
+    inside = both[1][1] - both[1][0] == 4
+    return np.where(inside[:, None], (4.0 * one - two) / 3.0, one)  # to the fourth order
+
+
+def _steps(poses: Poses, before: NDArray[np.int64], after: NDArray[np.int64]) -> Array:
+    """Times from some of the poses to others [s], shape [poses, 1]."""
+    return np.asarray(np.maximum(poses.stamps[after] - poses.stamps[before], 1)[:, None] * 1e-9)
+
+
 def tum_text(poses: Poses) -> str:
     """Poses as TUM's trajectories have them: seconds, place, quaternion x, y, z, w."""
     rows = np.hstack([poses.position, xyzw(poses.quaternion)]).tolist()

@@ -9,12 +9,11 @@ from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable, quaternion_from_matrix
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
-from terrain_forge.datasets.pictures import bits_losses, picture_of
-from terrain_forge.datasets.poses import Poses, inverse_pose
+from terrain_forge.datasets.pictures import RECTIFIED, bits_losses, picture_of, truth_stream
+from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
 from terrain_forge.datasets.ros_series import (
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
 
 WORLD = "map"
 TRUTH_TOPIC = "/ground_truth/odometry"
+_IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
 _DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
 
@@ -55,7 +55,8 @@ class RosOptions(Spec):
     where a system's own answer would be a second parent of base_link. Frames of sensors that move
     against base_link are always there."""
     depth: bool = False
-    """Write the cameras' true depth as images of 32-bit metres."""
+    """Write the cameras' true depth as images of 32-bit metres; where it is that of rectified
+    pictures beside raw ones, these too."""
 
 
 class RosBag(DatasetWriter):
@@ -181,31 +182,47 @@ class RosMessages:
             )
 
     def _camera_topics(self, camera: RecordedCamera) -> list[Topic]:
-        frame = frame_of(camera)
-
         def infos() -> Iterator[Pair]:
             for stamp in camera.stamps.tolist():
                 yield stamp, self.camera_info(camera, stamp)
 
-        def images() -> Iterator[Pair]:
+        found = [
+            self._topic(f"/{camera.key}/camera_info", _INFO, infos),
+            self._topic(f"/{camera.key}/image_raw", _IMAGE, self._pictures(camera, "data")),
+        ]
+        if self.options.depth and "depth" in camera.channels:
+            found += self._depth_topics(camera)
+        return found
+
+    def _pictures(self, camera: RecordedCamera, stream: str) -> Callable[[], Iterator[Pair]]:
+        def pictures() -> Iterator[Pair]:
             for number, stamp in enumerate(camera.stamps.tolist()):
-                picture = picture_of(camera, number, "data")
+                picture = picture_of(camera, number, stream)
                 encoding = "rgb8" if picture.ndim == 3 else "mono8"
-                yield stamp, self._image(stamp, frame, picture, encoding)
+                yield stamp, self._image(stamp, frame_of(camera), picture, encoding)
+
+        return pictures
+
+    def _depth_topics(self, camera: RecordedCamera) -> list[Topic]:
+        """Depth with a camera_info of its own, and the pictures whose depth it is."""
+
+        def infos() -> Iterator[Pair]:
+            for stamp in camera.stamps.tolist():
+                yield stamp, self.depth_info(camera, stamp)
 
         def depths() -> Iterator[Pair]:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 metres = camera.depth(number).astype(np.float32)
                 metres[metres == 0.0] = np.nan  # REP 118
-                yield stamp, self._image(stamp, frame, metres, "32FC1")
+                yield stamp, self._image(stamp, frame_of(camera), metres, "32FC1")
 
-        kind, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
-        found = [
-            self._topic(f"/{camera.key}/camera_info", info, infos),
-            self._topic(f"/{camera.key}/image_raw", kind, images),
-        ]
-        if self.options.depth and "depth" in camera.channels:
-            found.append(self._topic(f"/{camera.key}/depth/image_raw", kind, depths))
+        rectified, name = truth_stream(camera) == RECTIFIED, f"/{camera.key}"
+        image = "image_rect" if rectified else "image_raw"
+        found = [self._topic(f"{name}/depth/camera_info", _INFO, infos)]
+        found.append(self._topic(f"{name}/depth/{image}", _IMAGE, depths))
+        if rectified:
+            pictures = self._pictures(camera, RECTIFIED)
+            found.append(self._topic(f"{name}/image_rect", _IMAGE, pictures))
         return found
 
     def _image(self, stamp: int, frame: str, picture: Any, encoding: str) -> Any:
@@ -214,21 +231,29 @@ class RosMessages:
         data = pixels.view(np.uint8).ravel()
         header = self.parts.header(stamp, frame)
         step = data.size // rows
-        return self.parts.make(
-            "sensor_msgs/msg/Image", header, rows, columns, encoding, 0, step, data
-        )
+        return self.parts.make(_IMAGE, header, rows, columns, encoding, 0, step, data)
 
     def camera_info(self, camera: RecordedCamera, stamp: int) -> Any:
         """Calibration of a camera; P[3] of the right one of a pair is −f·baseline."""
-        model, given = camera.distortion
-        count = 4 if model == "equidistant" else 5
-        coefficients = np.zeros(count)
-        coefficients[: len(given)] = given
         projection = projection_of(self.recording, camera)
+        return self._info(camera, stamp, camera.distortion, projection)
+
+    def depth_info(self, camera: RecordedCamera, stamp: int) -> Any:
+        """Calibration of the pictures whose depth is recorded, as of a camera alone."""
+        straight = truth_stream(camera) == RECTIFIED
+        lens = ("none", np.zeros(0)) if straight else camera.distortion
+        return self._info(camera, stamp, lens, np.hstack([camera.matrix, np.zeros((3, 1))]))
+
+    def _info(
+        self, camera: RecordedCamera, stamp: int, lens: tuple[str, Array], projection: Array
+    ) -> Any:
+        model, given = lens
+        coefficients = np.zeros(4 if model == "equidistant" else 5)
+        coefficients[: len(given)] = given
         region = self.parts.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
         width, height = camera.size
         return self.parts.make(
-            "sensor_msgs/msg/CameraInfo",
+            _INFO,
             *(self.parts.header(stamp, frame_of(camera)), height, width, _MODELS[model]),
             *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
             *(0, 0, region),
@@ -271,12 +296,12 @@ class RosMessages:
         if self.recording.link_of(self.recording.body_name) != BASE:
             poses = self.recording.base_poses
             turn = np.swapaxes(poses.matrices[:, :3, :3], -1, -2)
-            own = (turn * _velocities(poses)[:, None, :]).sum(axis=-1)
-            yield poses, own, _rates(poses)
+            own = (turn * velocities(poses)[:, None, :]).sum(axis=-1)
+            yield poses, own, rates(poses)
             return
         body = inverse_pose(self.recording.base_from_body)
         for poses, velocity, kept in self.recording.body_pieces():
-            rate = _rates(poses)
+            rate = rates(poses)
             turn = np.swapaxes(poses.matrices[:, :3, :3], -1, -2)
             own = (turn * velocity[:, None, :]).sum(axis=-1) + np.cross(rate, body[:3, 3])
             into = body[:3, :3]  # rows of vectors, from the body's frame to base_link's
@@ -308,8 +333,16 @@ class RosMessages:
 
 
 def frame_of(sensor: RecordedSensor) -> str:
-    """The name of a sensor's frame; a camera's is optical: x right, y down, z forward."""
-    return f"{sensor.name}_optical" if isinstance(sensor, RecordedCamera) else sensor.name
+    """The name of a sensor's frame; a camera's is optical: x right, y down, z forward.
+
+    It is the sensor's own name, or its folder's where that has letters that ROS's names do not.
+    """
+    name = sensor.name if _is_plain(sensor.name) else sensor.key
+    return f"{name}_optical" if isinstance(sensor, RecordedCamera) else name
+
+
+def _is_plain(name: str) -> bool:
+    return name.isascii() and name.replace("_", "a").isalnum()
 
 
 def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
@@ -320,36 +353,6 @@ def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
             found[:, :3] = pair.left.matrix
             found[0, 3] = -found[0, 0] * pair.baseline
     return found
-
-
-def _rates(poses: Poses) -> Array:
-    """Angular rates in the frame itself [rad/s], of the poses before and after each."""
-    turns, (before, after) = poses.quaternion, poses.beside
-    (w1, x1, y1, z1), (w2, x2, y2, z2) = turns[before].T, turns[after].T
-    turned = np.stack(  # vector part of the quaternion from one to the other
-        [
-            w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
-            w1 * y2 + x1 * z2 - y1 * w2 - z1 * x2,
-            w1 * z2 - x1 * y2 + y1 * x2 - z1 * w2,
-        ],
-        axis=-1,
-    )
-    sign = np.where((turns[before] * turns[after]).sum(axis=-1) < 0.0, -1.0, 1.0)
-    return np.asarray(2.0 * sign[:, None] * turned / _steps(poses, before, after))
-
-
-def _velocities(poses: Poses) -> Array:
-    """Velocities [m/s] in the frame that the poses are told in, of the two on each side."""
-    before, after = poses.beside
-    both = (before, after), (before[before], after[after])
-    one, two = ((poses.position[b] - poses.position[a]) / _steps(poses, a, b) for a, b in both)
-    inside = both[1][1] - both[1][0] == 4
-    return np.where(inside[:, None], (4.0 * one - two) / 3.0, one)  # to the fourth order
-
-
-def _steps(poses: Poses, before: NDArray[np.int64], after: NDArray[np.int64]) -> Array:
-    """Times from some of the poses to others [s], shape [poses, 1]."""
-    return np.asarray(np.maximum(poses.stamps[after] - poses.stamps[before], 1)[:, None] * 1e-9)
 
 
 def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> Iterator[Message]:
@@ -374,6 +377,12 @@ def losses(messages: RosMessages) -> tuple[str, ...]:
     found += bits_losses(s for s in messages.sensors if isinstance(s, RecordedCamera))
     if untold := messages.untold():
         found.append(f"No message of ROS is written for {', '.join(untold)}.")
+    sensors = messages.recording.sensors
+    if odd := [f"{one.name} ({frame_of(one)})" for one in sensors if not _is_plain(one.name)]:
+        found.append(
+            "Frames of these are called as their folders, as ROS has ASCII letters, digits "
+            f"and _ alone: {', '.join(odd)}."
+        )
     if any(sensor.key.startswith("lidar") for sensor in messages.sensors):
         found.append("Point clouds say nothing of what each point is on.")
     return tuple(found)

@@ -31,6 +31,7 @@ KINDS = {
 COUNTS = {
     "/tf_static": 1, "/cam0/camera_info": 5, "/cam0/image_raw": 5, "/cam0/depth/image_raw": 5,
     "/cam1/camera_info": 5, "/cam1/image_raw": 5, "/cam1/depth/image_raw": 5,
+    "/cam0/depth/camera_info": 5, "/cam1/depth/camera_info": 5,
     "/velodyne_points": 9, "/imu0": 201, "/ground_truth/odometry": 201, "/tf": 201,
 }  # fmt: skip
 
@@ -128,6 +129,63 @@ def test_calibration_and_frames(bag, recording):
     assert right.header.frame_id == "stereo_right_optical"
     assert left.distortion_model == "plumb_bob"
     assert list(left.K if bag[2] == "rosbag1" else left.k)[:3] == [FOCAL, 0, 31.5]
+
+
+def test_depth_is_of_the_pictures_and_the_lens_beside_it(tmp_path):
+    """Of rectified pictures where both were recorded: with no distortion, and the pictures."""
+    bent = {"distortion_model": "radial-tangential", "distortion_coefficients": [-0.2, 0, 0, 0]}
+    folder = write_recording(tmp_path / "dataset", seconds=0.2, lidar=False, **bent)
+    write_dataset(folder, "rosbag2", tmp_path / "raw", {"depth": True})
+    found = {topic: m for topic, _, m in read_bag(tmp_path / "raw", False)}
+    assert found["/cam0/depth/camera_info"].d[0] == found["/cam0/camera_info"].d[0] == -0.2
+    assert {"/cam0/image_raw", "/cam0/depth/image_raw"} < found.keys()
+    _add_rectified(folder)
+    write_dataset(folder, "rosbag2", tmp_path / "both", {"depth": True})
+    found = {topic: m for topic, _, m in read_bag(tmp_path / "both", False)}
+    assert {"/cam0/image_raw", "/cam0/image_rect", "/cam0/depth/image_rect"} < found.keys()
+    assert "/cam0/depth/image_raw" not in found
+    assert found["/cam0/camera_info"].d[0] == -0.2
+    for camera in ("cam0", "cam1"):
+        info = found[f"/{camera}/depth/camera_info"]
+        assert not info.d.any()
+        np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], info.k.reshape(3, 3))
+        assert info.p[3] == 0.0
+        assert info.header == found[f"/{camera}/depth/image_rect"].header
+    picture = found["/cam0/image_rect"]
+    assert set(picture.data) == {77}
+    assert set(found["/cam0/image_raw"].data) != {77}
+    write_dataset(folder, "rosbag2", tmp_path / "none")
+    assert not [t for t, *_ in read_bag(tmp_path / "none", False) if "rect" in t or "depth" in t]
+
+
+def _add_rectified(folder):
+    """Pictures of 77, as if of `images: [raw, rectified]`."""
+    from PIL import Image
+
+    for key in ("cam0", "cam1"):
+        (folder / f"mav0/{key}/rectified").mkdir()
+        for path in (folder / f"mav0/{key}/data").iterdir():
+            grey = np.full_like(np.asarray(Image.open(path)), 77)
+            Image.fromarray(grey).save(folder / f"mav0/{key}/rectified/{path.name}")
+    index = folder / "dataset.json"
+    told = index.read_text().replace('"depth": {', '"rectified": {}, "depth": {')
+    index.write_text(told)
+
+
+def test_frames_have_names_of_ros(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2)
+    index = folder / "dataset.json"
+    told = (
+        index.read_text().replace('"stereo_left"', '"links-ä"').replace('"imu",', '"gyro-box",', 1)
+    )
+    index.write_text(told)
+    losses = write_dataset(folder, "rosbag2", tmp_path / "bag").losses
+    assert any(loss.endswith("alone: links-ä (cam0_optical), gyro-box (imu0).") for loss in losses)
+    bag = read_bag(tmp_path / "bag", False)
+    static = {t.child_frame_id for name, _, m in bag if name == "/tf_static" for t in m.transforms}
+    assert static == {"cam0_optical", "stereo_right_optical", "lidar", "imu0"}
+    for topic, frame in {"/cam0/image_raw": "cam0_optical", "/imu0": "imu0"}.items():
+        assert next(m for name, _, m in bag if name == topic).header.frame_id == frame
 
 
 def test_imu_and_truth(bag, recording):
