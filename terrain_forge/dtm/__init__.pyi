@@ -13,9 +13,9 @@ from .fetching import origin as origin
 from .fetching import still_to_fetch as still_to_fetch
 from .fetching import whole_at_hand as whole_at_hand
 from .image import bands_of as bands_of
-from .image import exif_turn as exif_turn
 from .image import read_bands as read_bands
 from .image import read_image as read_image
+from .image import turn_of as turn_of
 from .interpolation import NEAR as NEAR
 from .interpolation import STENCIL as STENCIL
 from .interpolation import add_cell_means as add_cell_means

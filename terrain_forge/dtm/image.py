@@ -70,21 +70,31 @@ def read_image(path: str, folder: Path, key: Key) -> Array:
             raise DataError(f"not an image: {path}", key=key) from None
         with dataset:
             values = _brightness(dataset, path, key)
-            values = _turn(dataset, path, key).apply(values)
+            values = turn_of(dataset, path, key).apply(values)
     if not np.isfinite(values).all():
         raise DataError(f"{path} holds values that are not finite", key=key)
     return np.asarray(image_rows(values))
 
 
-def exif_turn(dataset: Any) -> Turn:
-    """How the file's EXIF, which GDAL does not follow, says that its pixels are to be turned."""
-    from PIL import Image
+def turn_of(dataset: Any, path: str, key: Key) -> Turn:
+    """How a file's georeference, or else its EXIF, says that its pixels are to be turned.
 
-    try:
-        with Image.open(dataset.name, formats=("JPEG", "PNG", "TIFF", "WEBP")) as picture:
-            return _TURNS.get(picture.getexif().get(_ORIENTATION, 1), Turn())
-    except Exception:  # other formats have none, and GDAL reads what Pillow stumbles over
-        return Turn()
+    Raises:
+        DataError: if it lies askew.
+    """
+    if dataset.transform.is_identity:
+        return _exif_turn(dataset)
+    a, b, _, d, e, _ = dataset.transform[:6]
+    transposed = abs(a) + abs(e) < abs(b) + abs(d)
+    if transposed:
+        a, b, d, e = b, a, e, d
+    if not a * e or abs(b) > _ASKEW * abs(e) or abs(d) > _ASKEW * abs(a):
+        raise DataError(
+            f"{path} lies askew by its georeference; rows and columns along its axes are allowed: "
+            "warp it so (gdalwarp does)",
+            key=key,
+        )
+    return Turn(transposed, mirrored=a < 0.0, upturned=e > 0.0)
 
 
 def bands_of(dataset: Any, otherwise: list[int]) -> list[int]:
@@ -119,21 +129,15 @@ def read_bands(dataset: Any, bands: list[int], window: Any = None) -> Array:
     return np.asarray(values / float(2 ** int(bits) - 1 if bits else np.iinfo(values.dtype).max))
 
 
-def _turn(dataset: Any, path: str, key: Key) -> Turn:
-    """How the file's georeference, or else its EXIF, says that its pixels are to be turned."""
-    if dataset.transform.is_identity:
-        return exif_turn(dataset)
-    a, b, _, d, e, _ = dataset.transform[:6]
-    transposed = abs(a) + abs(e) < abs(b) + abs(d)
-    if transposed:
-        a, b, d, e = b, a, e, d
-    if not a * e or abs(b) > _ASKEW * abs(e) or abs(d) > _ASKEW * abs(a):
-        raise DataError(
-            f"{path} lies askew by its georeference; rows and columns along its axes are allowed: "
-            "warp it so (gdalwarp does)",
-            key=key,
-        )
-    return Turn(transposed, mirrored=a < 0.0, upturned=e > 0.0)
+def _exif_turn(dataset: Any) -> Turn:
+    """How the file's EXIF, which GDAL does not follow, says that its pixels are to be turned."""
+    from PIL import Image
+
+    try:
+        with Image.open(dataset.name, formats=("JPEG", "PNG", "TIFF", "WEBP")) as picture:
+            return _TURNS.get(picture.getexif().get(_ORIENTATION, 1), Turn())
+    except Exception:  # other formats have none, and GDAL reads what Pillow stumbles over
+        return Turn()
 
 
 def _brightness(dataset: Any, path: str, key: Key) -> Array:

@@ -24,11 +24,11 @@ from terrain_forge.dtm import (
     bands_of,
     cubic,
     ellipsoid,
-    exif_turn,
     node_places,
     open_dataset,
     patch_pixels,
     read_bands,
+    turn_of,
     wrap_around,
 )
 from terrain_forge.model import Orthoimage, Site, Window
@@ -107,7 +107,7 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     """Where the whole picture lies; nothing of it is read yet."""
     crs, wrap = "", (0.0, 0.0)
     if dataset.crs is None or dataset.transform.is_identity:
-        to_pixel = _over_site(dataset, site)
+        to_pixel = _over_site(dataset, site, image)
     else:
         if not site.georeferenced:
             raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
@@ -127,9 +127,9 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     return Orthoimage(path=name, albedo=nothing, to_pixel=to_pixel, crs=crs, wrap=wrap)
 
 
-def _over_site(dataset: Any, site: Site) -> tuple[float, ...]:
+def _over_site(dataset: Any, site: Site, image: str) -> tuple[float, ...]:
     """Affine from a site's east and north [m] to pixels of a picture that covers it."""
-    shape, turn = (dataset.height, dataset.width), exif_turn(dataset)
+    shape, turn = (dataset.height, dataset.width), turn_of(dataset, image, _KEY)
     high, wide = shape[::-1] if turn.transposed else shape
     across = (-wide if turn.mirrored else wide) / site.size[0]
     down = (high if turn.upturned else -high) / site.size[1]

@@ -173,6 +173,25 @@ def test_an_orthoimage_lies_as_its_exif_says(tmp_path, orientation):
     assert np.abs(found - wanted).max() <= 1
 
 
+def test_an_orthoimage_that_lies_on_no_body_runs_as_its_transform_says(tmp_path):
+    values = np.full((80, 120), 128, np.uint8)
+    values[:20, :30] = 250
+    Picture.fromarray(values).save(tmp_path / "upright.png")
+    for name, affine in (("up", (1, 0, 5, 0, 1, 7)), ("askew", (1, 1, 5, -1, 1, 7))):
+        with rasterio.open(
+            *(tmp_path / f"{name}.tif", "w"), driver="GTiff", width=120, height=80, count=1,
+            dtype="uint8", transform=Affine(*affine),
+        ) as dataset:  # fmt: skip
+            dataset.write(values[None, ::-1])
+    wanted, found = (
+        coloured(plan(recipe(ortho(name)), folder=tmp_path)).astype(int)
+        for name in ("upright.png", "up.tif")
+    )
+    assert np.abs(found - wanted).max() <= 1
+    with pytest.raises(DataError, match=r"askew\.tif lies askew by its georeference"):
+        plan(recipe(ortho("askew.tif")), folder=tmp_path)
+
+
 def test_fine_orthoimage_is_averaged_not_sampled(tmp_path):
     chequers = np.indices((800, 1200)).sum(axis=0) % 2 * 65535
     Picture.fromarray(chequers.astype(np.uint16)).save(tmp_path / "fine.png")
