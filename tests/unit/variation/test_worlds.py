@@ -333,7 +333,7 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     steep = recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.5))
     with pytest.raises(tf.OutputError, match=r"recipe \(terrain\.spacing_m: .*, not 0\.5\)"):
         worlds(steep, made)
-    one = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"seed": {"choice": [1]}}))
+    one = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"rocks.library.seed": {"choice": [1]}}))
     with pytest.raises(
         tf.OutputError, match=r"recipe \(worlds\.vary\.\S+: nothing, not .*\): choose"
     ):
