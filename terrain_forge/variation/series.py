@@ -324,10 +324,12 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """
     with suppress(DataError):
         found = read_json(folder / SUMMARY, SUMMARY)
-        if isinstance(found, dict) and {"number", "seed", "difficulty"} <= {*found}:
-            parts = found.get("drawn"), found.get("measured")
-            if all(isinstance(part, dict) for part in parts):
-                return found
+        if isinstance(found, dict) and isinstance(found.get("drawn"), dict):
+            measured, own = found.get("measured"), ("number", "seed", "difficulty")
+            if isinstance(measured, dict) and {*own} <= {*found}:
+                figures = [*measured.values(), *(found[name] for name in own)]
+                if all(one is None or type(one) in (int, float) for one in figures):
+                    return found
     raise OutputError(f"{folder} holds no readable {SUMMARY}: remove the folder and make it again")
 
 

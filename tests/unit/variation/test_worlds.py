@@ -333,7 +333,9 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     steep = recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.5))
     with pytest.raises(tf.OutputError, match=r"recipe \(terrain\.spacing_m: .*, not 0\.5\)"):
         worlds(steep, made)
-    one = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"rocks.library.seed": {"choice": [1]}}))
+    one = recipe(
+        tmp_path, lambda plain: plain["worlds"].update(vary={"rocks.library.seed": {"choice": [1]}})
+    )
     with pytest.raises(
         tf.OutputError, match=r"recipe \(worlds\.vary\.\S+: nothing, not .*\): choose"
     ):
@@ -386,12 +388,20 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
     assert f"{wrong}:1" in done.complaints[0]
 
 
-@pytest.mark.parametrize("drawn", ["[]", "[1]", "3", "null"])
-def test_a_summary_of_other_kinds_of_values_is_none(drawn, tmp_path):
-    told = '"number": 0, "seed": 1, "difficulty": 0.5, "measured": {}'
-    (tmp_path / "drawn.json").write_text(f'{{{told}, "drawn": {{"a": 1}}}}')
-    assert read_summary(tmp_path)["drawn"] == {"a": 1}
-    (tmp_path / "drawn.json").write_text(f'{{{told}, "drawn": {drawn}}}')
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"drawn": value} for value in ([], [1], 3, None)),
+        *({"measured": value} for value in ({"arrive": [1]}, {"arrive": "all"}, [], None)),
+        *({"difficulty": value} for value in ("0.5", [0.5], True)),
+        {"seed": "one"},
+    ],
+)
+def test_a_summary_of_other_kinds_of_values_is_none(wrong, tmp_path):
+    told = {"number": 0, "seed": 1, "difficulty": 0.5, "measured": {"arrive": 1, "rocks": None}}
+    (tmp_path / "drawn.json").write_text(json.dumps({**told, "drawn": {"a": [1]}}))
+    assert read_summary(tmp_path)["drawn"] == {"a": [1]}
+    (tmp_path / "drawn.json").write_text(json.dumps({**told, "drawn": {}, **wrong}))
     with pytest.raises(tf.OutputError, match=r"no readable drawn\.json"):
         read_summary(tmp_path)
 
