@@ -62,6 +62,7 @@ class RosOptions(Spec):
 class RosBag(DatasetWriter):
     """A format of bags, which a module of rosbags writes."""
 
+    naming: ClassVar[tuple[str, ...]] = ("sensors",)
     library: ClassVar[str]
     """The module."""
 

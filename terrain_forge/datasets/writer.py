@@ -38,7 +38,7 @@ _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
 class DatasetWriter:
     """Writes a recording in one format; a format is a subclass with its `kind`.
 
-    It must have a `title`, its `Options`, and `write`; `needs` and `check` may stay.
+    It must have a `title`, its `Options`, and `write`; `needs`, `naming` and `check` may stay.
 
     It writes what it reads one measurement at a time, so that its memory does not grow with the
     recording, and the same bytes each time.
@@ -52,6 +52,8 @@ class DatasetWriter:
     """Frozen dataclass of the format's options, each with a default and documented."""
     needs: ClassVar[tuple[Need, ...]] = ()
     """What every recording in it needs of a rig, so that a recipe without is refused at once."""
+    naming: ClassVar[tuple[str, ...]] = ()
+    """Options that name sensors, so that a recipe with a wrong name is refused at once."""
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording that lacks what the format needs, before anything is written.
@@ -165,7 +167,7 @@ def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) ->
         return adapter.validate_python(plain)
     except ValidationError as error:
         why = complaint(error, adapter, plain)
-        raise RecipeError(f"dataset format {writer.kind!r}: {why}") from None
+        raise RecipeError(f"dataset format {writer.kind!r}: {why}", key=why.key) from None
 
 
 def _require_free(target: Path, recording: Recording) -> None:

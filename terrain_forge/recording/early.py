@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from terrain_forge.base import RecipeError
+import re
+from collections.abc import Mapping, Set
+from typing import Any
+
+from terrain_forge.base import RecipeError, hint_at
 from terrain_forge.datasets import dataset_kind
 from terrain_forge.model import CameraSensor, LidarSensor, Rover, simple_sensors
 from terrain_forge.recipe import DatasetSpec, Recipe
 from terrain_forge.recording.formats import formats_of
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.rovers import MoreSensors
-from terrain_forge.sensors import require_free
+from terrain_forge.sensors import instrument_kinds, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
@@ -48,7 +52,8 @@ def require_formats(spec: DatasetSpec, rover: Rover) -> None:
         "a lidar": any(isinstance(one, LidarSensor) for one in rig),
         **{name: any(name in one.channels for one in cameras) for name in ("depth", "class")},
     }
-    for name in formats_of(spec):
+    for name, options in formats_of(spec).items():
+        _require_names(name, options, {one.name for one in rig})
         for need in dataset_kind(name).needs:
             if there[need]:
                 continue
@@ -60,6 +65,20 @@ def require_formats(spec: DatasetSpec, rover: Rover) -> None:
                 f"format {name!r} needs {need}, {why}",
                 key=("dataset", "formats"),
             )
+
+
+def _require_names(kind: str, options: Mapping[str, Any], known: Set[str]) -> None:
+    """Refuse an option of a format that names a sensor which there is not; folders are let pass."""
+    words = "|".join(re.escape(one.folder) for one in instrument_kinds().values())
+    for option in dataset_kind(kind).naming:
+        told = options.get(option) or ()
+        for name in (told,) if isinstance(told, str) else told:
+            if name not in known and not re.fullmatch(f"({words})[0-9]+", name):
+                there = f"there are: {', '.join(sorted(known))}"
+                raise RecipeError(
+                    f"format {kind!r}: no sensor {name!r}{hint_at(name, known)}, {there}",
+                    key=("dataset", "formats", kind, option),
+                )
 
 
 def _carried(rover: Rover) -> str:

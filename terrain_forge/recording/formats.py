@@ -35,7 +35,11 @@ def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
     known = dataset_kinds()
     for name, options in asked.items():
         if name in known:
-            checked_options(name, options)
+            try:
+                checked_options(name, options)
+            except RecipeError as error:
+                key = ("dataset", "formats", name, *error.key)
+                raise RecipeError(str(error), key=key) from None
         elif name != MASTER or options:
             every = (MASTER, *known)
             raise RecipeError(

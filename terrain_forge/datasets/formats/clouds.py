@@ -45,6 +45,7 @@ class Clouds(DatasetWriter):
     title: ClassVar[str] = "point clouds"
     Options: ClassVar[type[Spec]] = Options
     needs: ClassVar[tuple[Need, ...]] = ("a lidar",)
+    naming: ClassVar[tuple[str, ...]] = ("lidar",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a lidar, and LAZ without its library."""

@@ -46,6 +46,7 @@ class Kitti(DatasetWriter):
     title: ClassVar[str] = "KITTI odometry"
     Options: ClassVar[type[Spec]] = Options
     needs: ClassVar[tuple[Need, ...]] = ("two cameras",)
+    naming: ClassVar[tuple[str, ...]] = ("camera", "lidar")
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a rectified stereo pair, or without a lidar of that name."""

@@ -49,6 +49,7 @@ class Lusnar(DatasetWriter):
     title: ClassVar[str] = "LuSNAR"
     Options: ClassVar[type[Spec]] = Options
     needs: ClassVar[tuple[Need, ...]] = ("two cameras", "depth", "class")
+    naming: ClassVar[tuple[str, ...]] = ("camera",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without a stereo pair that has depth and classes."""

@@ -32,6 +32,7 @@ class Tum(DatasetWriter):
     title: ClassVar[str] = "TUM RGB-D"
     Options: ClassVar[type[Spec]] = Options
     needs: ClassVar[tuple[Need, ...]] = ("depth",)
+    naming: ClassVar[tuple[str, ...]] = ("camera",)
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without depth."""

@@ -1,5 +1,7 @@
 """What of a recording is refused before there is a world."""
 
+import re
+
 import pytest
 
 from terrain_forge.base import RecipeError
@@ -7,6 +9,7 @@ from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
 from terrain_forge.rovers import built_in_rovers, find_rover
 from terrain_forge.sensors import require_free
+from tests.helpers.command_line import run
 
 RECIPE = """schema: 1
 name: early
@@ -67,3 +70,23 @@ def test_a_built_in_rover_sees_with_its_own_rig(name, model, tilt):
     rover = find_rover(name, model=model, dimensions={"camera_tilt_deg": tilt})
     for sensor in rover.sensors:
         require_free(sensor, rover)
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("storage: mcaps", r"'rosbag2': storage: must be 'mcap' or 'sqlite3', found \"mcaps\""),
+        ("sensors: [imu, eve]", r"no sensor 'eve' \(did you mean 'eye'\?\), there are: eye, imu"),
+        ("sensors: [imu, cam0]", ""),
+    ],
+)
+def test_options_of_formats_are_refused_with_file_and_line(option, message, tmp_path):
+    file = tmp_path / "early.yaml"
+    formats = f"  formats:\n    rosbag2:\n      {option}\n"
+    recipe = RECIPE.replace("dataset: {path: ahead, ", f"dataset:\n  path: ahead\n{formats}#")
+    file.write_text(recipe.replace("RATE", "5"))
+    done = run("check", file)
+    assert (done.returncode, len(done.complaints)) == ((2, 1) if message else (0, 0))
+    if message:
+        key = f"dataset.formats.rosbag2.{option.partition(':')[0]}"
+        assert re.search(rf"early.yaml:16: {key}: .*{message}", done.complaints[0])
