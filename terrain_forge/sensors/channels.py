@@ -36,11 +36,15 @@ def float_file(values: NDArray[Any]) -> bytes:
 
 
 def depth_file(depth: NDArray[np.float32], factor: float | None) -> bytes:
-    """Depths [m] times a factor in 16 bits, 0 for none and for what is too far; or as floats."""
+    """Depths [m] times a factor in 16 bits, or as floats.
+
+    Of the 16 bits 0 is for none, for what is too far, and for what a fisheye sees behind its plane.
+    """
     if factor is None:
         return float_file(np.asarray(depth, np.float32))
     values = np.where(np.isfinite(depth), np.asarray(depth, np.float64) * factor + 0.5, 0.0)
-    return encode_png(np.where(values < _MOST + 1, values, 0.0).astype(np.uint16))
+    held = (values >= 0.0) & (values < _MOST + 1)
+    return encode_png(np.where(held, values, 0.0).astype(np.uint16))
 
 
 def points_of(exposure: Exposure, lens: Lens, position: Array, rotation: Array) -> Array:

@@ -18,6 +18,7 @@ from terrain_forge.model import (
     StereoSensor,
 )
 from terrain_forge.sensors import Scenery, Setting, instrument_kinds, instruments_of, motion_of_path
+from terrain_forge.sensors.channels import depth_file
 from terrain_forge.sensors.flare import SunSeen, add_sun
 from terrain_forge.sensors.instruments.camera import CameraFrames
 from terrain_forge.sensors.instruments.stereo import StereoFrames
@@ -331,3 +332,10 @@ def test_ghosts_lie_on_the_line_through_sun_and_middle_each_camera_its_own():
     weight = light[rows, columns]
     assert abs((aside * weight).sum() / weight.sum()) < 2.0
     assert not np.array_equal(light, _lit((0.3, -0.2, 1.0), flare=only, key=4)[1])
+
+
+def test_depth_of_16_bits_has_nothing_behind_the_plane_of_a_fisheye():
+    depth = np.array([[-1.5, -1e-4, 0.0, 2.0, 65.535, 66.0, np.inf]], np.float32)
+    seen = np.asarray(Image.open(io.BytesIO(depth_file(depth, 1000.0))))
+    assert seen.tolist() == [[0, 0, 0, 2000, 65535, 0, 0]]
+    np.testing.assert_array_equal(np.load(io.BytesIO(depth_file(depth, None))), depth)
