@@ -34,6 +34,7 @@ VERSION = 1
 """Of the layout of a recording, as its dataset.json says."""
 INDEX = "dataset.json"
 BASE = "base_link"
+"""The rover's own frame."""
 TRUTH = "state_groundtruth_estimate0"
 _LARGEST_TEXT = 2**24
 _PARALLEL = 1e-9

@@ -26,8 +26,6 @@ SLAB_SHOWN = 1.0, 2.0
 """Sizes of slabs, in pixels, from which on they begin to show, and show in full."""
 SOIL_COARSEST = 0.9
 """Longest waves of soil [m]; on a fine grid 1.5 spacings, since its heights hold the longer."""
-FAR_COARSEST = SOIL_COARSEST / 0.48
-"""Longest waves of the land beyond the site, whose rings hold none so short [m]."""
 SOIL_STEEP = 0.038
 """Rise of waves of soil so long, over that of unit noise."""
 SOIL_HURST = 0.55
@@ -36,6 +34,8 @@ SOIL_HURST = 0.55
 doi:10.1006/icar.1999.6160), 0.54 to 0.61 at the Pathfinder site."""
 SOIL_STEP = 0.48
 """Length of waves over that of the next longer."""
+FAR_COARSEST = SOIL_COARSEST / SOIL_STEP
+"""Longest waves of the land beyond the site, whose rings hold none so short [m]."""
 SOIL_WARP = 0.5
 """How far the waves before move those after, in their lengths, so that no lattice shows."""
 SOIL_SHOWN = 1.8, 3.8

@@ -91,7 +91,6 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         values |= with_difficulty(plain, spec.difficulty, level)
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
-        _require_varied(tuple(key.split(".")), where)
         if _is_drawn(wish, where):
             value = _value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
             _put(plain, key, value, where)
@@ -122,7 +121,6 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
     keys = {key: tuple(numbered(_plain(recipe), key.split("."))) for key in spec.vary}
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
-        _require_varied(keys[key], where)
         if not _is_drawn(wish, where):
             continue
         place = dotted(keys[key])
@@ -156,12 +154,6 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
             _checked(plain, ("worlds", "difficulty"))
 
 
-def _require_varied(key: Key, where: Key) -> None:
-    """Refuse a key in which worlds of one series cannot differ."""
-    if key[0] in _OWN:
-        raise RecipeError(f"worlds cannot differ in {key[0]}: {_OWN[str(key[0])]}", key=where)
-
-
 def _meet(one: Key, other: Key) -> bool:
     """Whether one key is the other or lies in it."""
     shared = min(len(one), len(other))
@@ -186,7 +178,14 @@ def variation_line(recipe: Recipe) -> str:
 
 
 def _is_drawn(wish: Variation | Literal["anywhere"], where: Key) -> TypeGuard[Variation]:
-    """Whether a key's values are drawn, and not places of the DTM, which only the centre has."""
+    """Whether a key's values are drawn, and not places of the DTM, which only the centre has.
+
+    Raises:
+        RecipeError: for a key in which worlds of one series cannot differ.
+    """
+    part = str(where[-1]).partition(".")[0]
+    if part in _OWN:
+        raise RecipeError(f"worlds cannot differ in {part}: {_OWN[part]}", key=where)
     if wish == "anywhere" and where[-1] != _CENTRE:
         raise RecipeError(f"only {_CENTRE} can be `anywhere`", key=where)
     return wish != "anywhere"

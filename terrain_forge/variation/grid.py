@@ -51,7 +51,7 @@ from terrain_forge.variation.series import orders_of, summary_of
 BORDER = 4.0
 """Width of the border between worlds of a grid [m], half of which slopes to its flat middle."""
 _COMMON = (
-    *(("body",), ("rover",), ("sensors",), ("sun",), ("sky",), ("exports",)),
+    *(("body",), ("rover",), ("sensors",), ("sun",), ("sky",)),
     *(("rocks", "library"), ("dtm", "size_m"), ("terrain", "spacing_m")),
     ("terrain", "appearance", "detail"),
 )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import astuple
-from typing import Any
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import asdict
+from itertools import count
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from terrain_forge.base import OutputError
 from terrain_forge.model import Appearance, GroundDetail, GroundMaterial, RockField, World
 
 _MOST = 256
+_Thing = TypeVar("_Thing", bound=Hashable)
 
 
 class Mosaic:
@@ -22,9 +25,9 @@ class Mosaic:
         self._rgb = np.zeros((*shape, 3), np.uint8)
         self._material = np.zeros(shape, np.uint8)
         self._drift = np.zeros(shape, np.uint8)
-        self._materials: dict[Any, GroundMaterial] = {}
+        self._materials: dict[tuple[tuple[str, Any], ...], str] = {}
         self._rocks: dict[tuple[str, tuple[int, ...]], str] = {}
-        self._unplaced: list[int] = []
+        self._unplaced: Counter[int] = Counter()
 
     def add(self, world: World, place: tuple[slice, slice], margin: int) -> RockField:
         """Lay a world's looks at some nodes, its edges over a margin of nodes around it.
@@ -34,24 +37,21 @@ class Mosaic:
         Raises:
             OutputError: if the scene has more materials than a raster of classes holds.
         """
-        looks = world.appearance
-        ground = np.array([self._class_of(one) for one in looks.materials] or [0], np.uint8)
-        classes = (
-            np.zeros(world.ground.shape, np.uint8) if looks.material is None else looks.material
-        )
-        self._material[place] = np.pad(ground[classes], margin, mode="edge")
+        looks, edges = world.appearance, ((margin, margin), (margin, margin), (0, 0))
+        ground = [_number(self._materials, (*asdict(m).items(),), m.name) for m in looks.materials]
+        if len(self._materials) > _MOST:
+            raise OutputError(f"a grid of more than {_MOST} materials: vary fewer of their keys")
+        nodes = np.zeros(world.ground.shape, np.uint8) if looks.material is None else looks.material
+        self._material[place] = np.pad(np.array(ground or [0])[nodes], margin, mode="edge")
         if looks.drift is not None:
             self._drift[place] = np.pad(looks.drift, margin, mode="edge")
-        edges = ((margin, margin), (margin, margin), (0, 0))
         self._rgb[place] = np.pad(looks.ground_rgb, edges, mode="edge")
         numbers = [
-            self._population_of(name, tuple(rgb))
+            _number(self._rocks, (name, tuple(rgb)), name)
             for name, rgb in zip(world.field.populations, looks.rock_rgb.tolist(), strict=True)
         ]
-        for number, missing in zip(numbers, world.unplaced, strict=True):
-            self._unplaced[number] += missing
-        mapped = np.array(numbers, np.int32)[world.field.population]
-        return world.field.replace(population=mapped)
+        self._unplaced.update(dict(zip(numbers, world.unplaced, strict=True)))
+        return world.field.replace(population=np.array(numbers, np.int32)[world.field.population])
 
     @property
     def populations(self) -> tuple[str, ...]:
@@ -61,47 +61,24 @@ class Mosaic:
     @property
     def unplaced(self) -> tuple[int, ...]:
         """How many rocks of each found no place."""
-        return tuple(self._unplaced)
+        return tuple(self._unplaced[number] for number in range(len(self._rocks)))
 
     def appearance(self, detail: GroundDetail | None) -> Appearance:
         """What all of it looks like."""
-        rgb = [colour for _, colour in self._rocks]
+        named = [{**dict(told), "name": name} for told, name in self._materials.items()]
         return Appearance(
             ground_rgb=self._rgb,
-            rock_rgb=np.array(rgb, np.uint8).reshape(-1, 3),
+            rock_rgb=np.array([rgb for _, rgb in self._rocks], np.uint8).reshape(-1, 3),
             detail=detail,
-            materials=tuple(self._materials.values()),
-            material=self._material if len(self._materials) > 1 else None,
+            materials=tuple(GroundMaterial(**told) for told in named),
+            material=self._material if len(named) > 1 else None,
             drift=self._drift if self._drift.any() else None,
         )
 
-    def _class_of(self, material: GroundMaterial) -> int:
-        key = astuple(material)
-        if key not in self._materials:
-            if len(self._materials) == _MOST:
-                raise OutputError(
-                    f"a grid of more than {_MOST} materials: vary fewer of their keys"
-                )
-            name = _free(material.name, lambda name: name in self._names)
-            self._materials[key] = material.replace(name=name)
-        return [*self._materials].index(key)
 
-    @property
-    def _names(self) -> set[str]:
-        return {material.name for material in self._materials.values()}
-
-    def _population_of(self, name: str, rgb: tuple[int, ...]) -> int:
-        key = name, rgb
-        if key not in self._rocks:
-            self._rocks[key] = _free(name, lambda name: name in self._rocks.values())
-            self._unplaced.append(0)
-        return [*self._rocks].index(key)
-
-
-def _free(name: str, is_taken: Callable[[str], bool]) -> str:
-    """The name, or with the first number behind it that is free."""
-    number, free = 1, name
-    while is_taken(free):
-        number += 1
-        free = f"{name}-{number}"
-    return free
+def _number(known: dict[_Thing, str], thing: _Thing, name: str) -> int:
+    """The number of a thing among those known, with its name, or the first free one behind it."""
+    if thing not in known:
+        names = (name if n == 1 else f"{name}-{n}" for n in count(1))
+        known[thing] = next(one for one in names if one not in known.values())
+    return [*known].index(thing)
