@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, read_lines, read_text
+from terrain_forge.base import Array, DataError, read_lines, read_text, reading
 from terrain_forge.datasets import Recording
 from terrain_forge.evaluation import ERRORS, MAPS, RESULTS, read_errors
 from terrain_forge.report.blocks import Block, drawing, heading, paragraph, table
@@ -37,8 +37,9 @@ class Localisation(Section):
             tables = ("evaluation.csv", f"{MAPS}.csv")
             if found is None or not any((found.folder / RESULTS / t).is_file() for t in tables):
                 return []
-            return list(_blocks(built, found, found.folder / RESULTS))
-        except (DataError, OSError, ValueError) as error:
+            with reading(f"dataset/{RESULTS}"):
+                return list(_blocks(built, found, found.folder / RESULTS))
+        except DataError as error:
             return [paragraph(f"The evaluation in dataset/{RESULTS} cannot be shown: {error}")]
 
 
@@ -89,7 +90,18 @@ def _shown(path: Path, *, first: str, last: str = "r") -> Block:
 
 
 def _rows(path: Path) -> list[list[str]]:
-    return [row for row in csv.reader(read_lines(path, path.name)) if row]
+    """The rows of a table, its head first.
+
+    Raises:
+        DataError: if it has no row, or one that is not as long as its head.
+    """
+    rows = [row for row in csv.reader(read_lines(path, path.name)) if row]
+    if not rows:
+        raise DataError(f"{path.name} is empty")
+    for number, row in enumerate(rows, 1):
+        if len(row) != len(rows[0]):
+            raise DataError(f"{path.name}: row {number} has {len(row)} of {len(rows[0])} fields")
+    return rows
 
 
 def _runs(folder: Path, systems: Sequence[str]) -> dict[str, Array]:

@@ -115,6 +115,11 @@ def test_a_world_without_results_has_no_section(tmp_path):
         render("blocks.html", blocks=Localisation().blocks(Built(worlds.world(), tmp_path)))
     )
     assert "grid 3" in page.text
-    (folder / "evaluation.csv").write_text("")
-    (block,) = Localisation().blocks(Built(worlds.world(), tmp_path))
-    assert "cannot be shown" in block.text
+    for text, why in (
+        ("", "evaluation.csv is empty"),
+        ("system,ate,tdr\na,1\n", "evaluation.csv: row 2 has 2 of 3 fields"),
+    ):
+        (folder / "evaluation.csv").write_text(text)
+        (block,) = Localisation().blocks(Built(worlds.world(), tmp_path))
+        assert "cannot be shown" in block.text
+        assert why in block.text
