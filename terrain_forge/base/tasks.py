@@ -6,6 +6,7 @@ that it was at, which is tried again. Tasks leave files; what they return should
 
 from __future__ import annotations
 
+import asyncio
 import os
 import pickle
 import sys
@@ -321,10 +322,31 @@ def _connected(scheduler: str, workers: int | None) -> Any:
         return distributed.Client(
             n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
         )
+    _knock(distributed, scheduler)
+    return distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
+
+
+def _knock(distributed: Any, scheduler: str) -> None:
+    """Refuse an address where no Dask scheduler answers.
+
+    A client would wait without end for a server that says nothing, and take what another says for
+    the length of a message.
+    """
+
+    async def knock() -> None:
+        secrets = distributed.Security().get_connection_args("client")
+        comm = await distributed.comm.connect(scheduler, timeout=_REACH, **secrets)
+        await comm.close()
+
     try:
-        return distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        why = " ".join(str(error).split()) or type(error).__name__
+        with worker_threads(1) as pool:  # a notebook's own loop runs in this one
+            pool.submit(asyncio.run, asyncio.wait_for(knock(), _REACH + 1.0)).result()
+    except Exception as error:  # a stranger's bytes raise anything
+        why = " ".join(str(error).split())
+        if isinstance(error, TimeoutError) and not why:
+            why = "what takes the connection says nothing; is it Dask's?"
+        elif not isinstance(error, OSError | ValueError):
+            why = "what answers is not Dask's"
         raise OutputError(f"no Dask scheduler answers at {scheduler}: {why}") from None
 
 

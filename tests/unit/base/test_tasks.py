@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -86,7 +89,31 @@ class Elsewhere:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_scheduler_that_cannot_be_reached_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (None, "Timed out"),
+        (b"", "says nothing"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(100), "not Dask's"),
+    ],
+    ids=["nobody", "silence", "web"],
+)
+def test_what_is_no_scheduler_is_named(said: bytes | None, why: str) -> None:
     pytest.importorskip("distributed")
-    with pytest.raises(OutputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        next(run_tasks(partial(work, tmp_path), [1], scheduler="tcp://127.0.0.1:9"))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = "tcp://{}:{}".format(*server.getsockname())
+        connections = []
+
+        def answer() -> None:
+            with suppress(OSError):
+                connections.append(server.accept()[0])
+                connections[-1].sendall(said)
+
+        if said is None:
+            server.close()
+        else:
+            threading.Thread(target=answer, daemon=True).start()
+        with pytest.raises(OutputError, match=f"no Dask scheduler answers at {address}: .*{why}"):
+            next(run_tasks(str, [1], scheduler=address))
+    for one in connections:
+        one.close()
