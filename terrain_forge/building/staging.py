@@ -54,10 +54,9 @@ def replacing(target: Path, *, force: bool = False, holds: str = WORLD) -> Itera
     """
     around = target.with_name(f".{target.name}{STAGING}")
     fresh = around / target.name
-    made = [above for above in target.parents if not above.exists()]
     number = -1
     try:
-        with storing(target, around), ExitStack() as locks:
+        with _leaving_none(*target.parents), storing(target, around), ExitStack() as locks:
             locks.enter_context(_staging(around, target))
             if target.exists():
                 locks.enter_context(_staging(target / STAGING, target))
@@ -73,9 +72,19 @@ def replacing(target: Path, *, force: bool = False, holds: str = WORLD) -> Itera
         complete = target.exists() and target.stat().st_ino == number
         if complete and isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(f"{target} is complete") from None
+        raise
+
+
+@contextmanager
+def _leaving_none(*folders: Path) -> Iterator[None]:
+    """Removes those of some folders, the innermost first, that came to be for what then failed."""
+    made = [folder for folder in folders if not folder.exists()]
+    try:
+        yield
+    except BaseException:
         with suppress(OSError):  # those that hold something stay
-            for above in made:
-                above.rmdir()
+            for folder in made:
+                folder.rmdir()
         raise
 
 
@@ -99,7 +108,7 @@ def holding(out: Path) -> Iterator[None]:
         OutputError: if another one does.
         StorageError: if the disk does not take what is written.
     """
-    with storing(out, out), _staging(out / STAGING, out):
+    with _leaving_none(out, *out.parents), storing(out, out), _staging(out / STAGING, out):
         yield
 
 

@@ -15,4 +15,3 @@ from .order import load_order as load_order
 from .order import order_tiles as order_tiles
 from .order import require_tiles as require_tiles
 from .order import require_whole as require_whole
-from .order import save_order as save_order

@@ -29,6 +29,7 @@ from terrain_forge.base import (
     software,
     to_plain,
 )
+from terrain_forge.building import write_through
 from terrain_forge.model import Export, Site, TileGrid, plain_options, sensor_kinds
 from terrain_forge.recipe import ExportOrder, Recipe, tile_cells
 from terrain_forge.rocks import bank_reach, find_library, rock_margin
@@ -175,26 +176,30 @@ def _cells(site: Site) -> int:
     return cells
 
 
-def save_order(order: TileOrder) -> None:
-    """Write the order into its site's folder.
+def require_same_order(order: TileOrder) -> None:
+    """Refuse a folder that holds anything but the same order.
 
     Raises:
-        OutputError: if the folder holds anything but the same order.
+        OutputError: says what it holds.
     """
-    texts = _files(order)
-    folder = order.out / FOLDER
     if is_site(order.out):
-        _require_same(order.out, texts)
-        return
-    if order.out.exists() and any(path.name != ".terrain-forge" for path in order.out.iterdir()):
+        _require_same(order.out, _files(order))
+    elif order.out.exists() and any(path.name != STAGING for path in order.out.iterdir()):
         raise OutputError(
             f"{order.out} exists and is no site in tiles; remove it or choose another with -o"
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in texts.items():  # the order itself last: with it the site is begun
-        fresh = folder / f".{name}"
-        fresh.write_bytes(content)
-        fresh.replace(folder / name)
+
+
+def save_order(order: TileOrder) -> None:
+    """Write the order into its site's folder, which must be held, at once."""
+    if is_site(order.out):
+        return
+    fresh = order.out / STAGING / FOLDER
+    fresh.mkdir()
+    for name, content in _files(order).items():
+        (fresh / name).write_bytes(content)
+    write_through(fresh)
+    fresh.rename(order.out / FOLDER)
 
 
 def _files(order: TileOrder) -> dict[str, bytes]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -17,6 +18,8 @@ from pxr import Usd, UsdGeom
 
 import terrain_forge as tf
 from terrain_forge.base import OutputError, RecipeError, StorageError
+from terrain_forge.building.manifest import LOCK, MARK
+from terrain_forge.tiling.order import PLANNED
 from terrain_forge.truth import rock_rasters
 from terrain_forge.truth.traversability import write_traversability
 from tests.helpers import command_line as command
@@ -204,6 +207,27 @@ def test_a_folder_of_others_is_left_alone(recipe, tmp_path):
     with pytest.raises(OutputError, match="not a terrain-forge world"):
         tf.build(tf.load_recipe(recipe).recipe, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def test_a_site_is_begun_wholly_or_not_at_all(recipe, tmp_path, monkeypatch):
+    def full(*given: object) -> None:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+
+    made, out = tf.load_recipe(recipe).recipe, tmp_path / "new/six"
+    monkeypatch.setattr("terrain_forge.tiling.order.write_through", full)
+    with pytest.raises(StorageError, match=f"{out} cannot be written: File too large"):
+        tf.build(made, out)
+    assert not (tmp_path / "new").exists()
+    monkeypatch.undo()
+    left = out / ".terrain-forge"  # as one leaves it that is killed while it writes the order
+    (left / "site").mkdir(parents=True)
+    (left / "site/site.json").write_text("{")
+    (left / LOCK).write_bytes(MARK)
+    monkeypatch.setattr("terrain_forge.tiling.building.begin_site", full)
+    with pytest.raises(StorageError, match="File too large"):
+        tf.build(made, out)
+    assert sorted(path.name for path in (out / "site").iterdir()) == sorted(PLANNED)
+    assert [path.name for path in out.iterdir()] == ["site"]
 
 
 @pytest.mark.parametrize("name", ["geotiff/slope.vrt", "truth", "report.html"])
