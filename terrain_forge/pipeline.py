@@ -239,9 +239,12 @@ def cut(
     out, place = resolved(out), resolved(site)
     if out.is_relative_to(place):
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
+    exports = (only,) if isinstance(only, str) else only
+    if exports is not None:
+        export_orders(replace(tiling.load_order(place).site.recipe, exports=exports))
+    building.require_ours(out, force=force)
     with watched(progress, STAGES) as watch:
         world = tiling.cut_world(place, centre=centre, size=size, watch=watch)
-        exports = (only,) if isinstance(only, str) else only
         return write_world(world, out, exports=exports, force=force, progress=watch)
 
 
@@ -437,6 +440,8 @@ def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     if recipe.tiles is not None:
         tiling.require_tiles(recipe, orders)
     site = making.plan(recipe, folder=folder)
+    if site.recipe.tiles is not None:
+        tiling.order_tiles(site, Path(recipe.name), orders)
     yield from building.site_lines(site, orders)
     if recipe.sensors is not None or recipe.dataset is not None:
         rover = rover_of(site)

@@ -151,7 +151,7 @@ def build_tiles(
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
             write_manifest(order, joined["manifest"])
-            judge_again(order, joined["manifest"])
+            passed = judge_again(order, joined["manifest"]) and passed
     watch.figures.update(
         tiles=len(order.grid), tiles_made=pace.made,
         workers=processors() if workers is None else workers,

@@ -81,17 +81,18 @@ def validate_site(out: Path, *, watch: Stopwatch) -> bool:
         return _judge(order, {*bad, *_of_site(order, manifest)})
 
 
-def judge_again(order: TileOrder, manifest: dict[str, Any]) -> None:
-    """Judge what an earlier validation found damaged anew, after a build has made it again."""
+def judge_again(order: TileOrder, manifest: dict[str, Any]) -> bool:
+    """Judge what an earlier validation found damaged anew, after a build; whether all is well."""
     try:
         before = read_json(order.out / REPORT, REPORT)["damaged"]
         places = {"/".join(name.partition(":")[0].split("/")[:3]) for name in before}
     except (DataError, KeyError, TypeError, AttributeError):
-        return  # there was none
-    if places:
-        tiles = [n for n in range(len(order.grid)) if order.grid.folder(n) in places]
-        bad = [name for number in tiles for name in check_tile(str(order.out), number)]
-        _judge(order, {*bad, *_of_site(order, manifest)})
+        return True  # there was none
+    if not places:
+        return True
+    tiles = [n for n in range(len(order.grid)) if order.grid.folder(n) in places]
+    bad = [name for number in tiles for name in check_tile(str(order.out), number)]
+    return _judge(order, {*bad, *_of_site(order, manifest)})
 
 
 def _judge(order: TileOrder, bad: set[str]) -> bool:

@@ -197,6 +197,8 @@ def test_tiles_whose_order_was_damaged_stay(built, tmp_path):
 def test_what_cannot_be_is_told_before_anything_is_written(tmp_path, changes, message):
     recipe = tf.load_recipe(write_recipe(tmp_path, **changes)).recipe
     with pytest.raises(RecipeError, match=message):
+        list(tf.check(recipe))
+    with pytest.raises(RecipeError, match=message):
         tf.build(recipe, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

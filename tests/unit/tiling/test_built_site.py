@@ -105,7 +105,8 @@ def test_a_missing_tile_is_found_and_made_anew(copied, recipe, built):
     path.write_bytes(path.read_bytes()[:-1])
     assert command.run("validate", copied).returncode == 1
     done = command.run("build", recipe, "-o", copied, "--workers", 0)
-    assert "fails as before: tiles" in done.complaints[0], "what was not moved away stays damaged"
+    assert done.returncode == 1
+    assert "failed: tiles" in done.complaints[0], "what was not moved away stays damaged"
     shutil.rmtree(copied / "tiles/000/001")
     done = command.run("build", recipe, "-o", copied, "--workers", 0)
     assert (done.returncode, done.complaints) == (0, [])
@@ -132,6 +133,14 @@ def test_a_part_beyond_the_site_is_refused(built, tmp_path):
     assert done.returncode == 2
     assert "is not within the site, which reaches 25 m east" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_is_none_is_refused_before_a_part_is_made(built, tmp_path):
+    place = "--centre", "0,0", "--size", "10,10"
+    done = command.run("cut", built, *place, "--only", "glib", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1, "no stage was begun"
+    assert "did you mean 'glb'?" in done.stderr
 
 
 @pytest.mark.parametrize("arguments", [("export", "--only", "glb"), ("record",), ("illumination",)])
