@@ -7,6 +7,7 @@ that it was at, which is tried again. Tasks leave files; what they return should
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import pickle
 import sys
@@ -319,6 +320,7 @@ def _connected(scheduler: str, workers: int | None) -> Any:
             "a scheduler needs Dask: pip install 'terrain-forge[dask]', or leave it out"
         ) from None
     if scheduler == LOCAL:
+        logging.getLogger("distributed").setLevel(logging.WARNING)  # how it comes and goes
         return distributed.Client(
             n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
         )
