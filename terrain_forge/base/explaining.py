@@ -16,6 +16,8 @@ _UNION = ("tuple[", "dict[", "literal[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
 _LONGEST = 60
 """Characters of a value that are shown."""
+_DEPTH = 3
+"""Mappings within mappings in which a misplaced key is sought, and the most places to name."""
 
 
 class Complaint(NamedTuple):
@@ -178,7 +180,24 @@ def _unknown_key(schema: dict[str, Any], loc: tuple[str | int, ...]) -> str:
         node = _descend(schema, node, step)
     name, allowed = str(loc[-1]), sorted(_resolve(schema, node).get("properties", {}))
     told = ", ".join(allowed) or "none"
-    return f"unknown key {name!r}{hint_at(name, allowed)}, allowed: {told}"
+    hint = hint_at(name, allowed) or _elsewhere(schema, name)
+    return f"unknown key {name!r}{hint}, allowed: {told}"
+
+
+def _elsewhere(schema: dict[str, Any], name: str) -> str:
+    """Where a key stands that was written in another place, as a question; the outermost places."""
+    places: list[tuple[Key, Any]] = [((), schema)]
+    for _ in range(_DEPTH):
+        inner = []
+        for key, node in places:
+            whole = _resolve(schema, node)
+            for shape in (whole, *(_resolve(schema, one) for one in whole.get("oneOf", ()))):
+                inner += [((*key, n), below) for n, below in shape.get("properties", {}).items()]
+        meant = sorted({dotted(key) for key, _ in inner if key[-1] == name})
+        if meant:
+            return f" (is {' or '.join(meant)} meant?)" if len(meant) <= _DEPTH else ""
+        places = inner
+    return ""
 
 
 def _resolve(schema: dict[str, Any], node: dict[str, Any], kind: str = "object") -> dict[str, Any]:

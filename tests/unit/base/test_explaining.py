@@ -68,6 +68,22 @@ def test_all_that_is_wrong_is_counted():
     assert str(told) == f"sead: {told.words} (and 3 more)"
 
 
+@pytest.mark.parametrize(
+    ("misplaced", "hint"),
+    [
+        ({"appearance": {}}, "'appearance' (is terrain.appearance meant?), allowed: body"),
+        ({"terrain": {"size_m": 3}}, "'size_m' (is dtm.size_m or tiles.size_m meant?), allowed: "),
+        ({"max_fused": 1}, "'max_fused', allowed: body"),
+    ],
+)
+def test_a_key_in_another_keys_place_is_told_its_own(misplaced, hint):
+    text = json.dumps(misplaced)
+    with pytest.raises(ValidationError) as caught:
+        adapter().validate_json(text)
+    words = complaint(caught.value, adapter(), json.loads(text)).words
+    assert words.startswith(f"unknown key {hint}")
+
+
 def test_other_readers_use_the_same_words(tmp_path):
     system = tmp_path / "system.yaml"
     system.write_text("comand: [x]\n")
