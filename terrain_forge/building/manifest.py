@@ -114,8 +114,8 @@ def read_manifest(directory: Path, *, holds: str = WORLD) -> Manifest:
             raise OutputError(f"{directory} is not a terrain-forge {holds} (no {NAME})")
         manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
     except DataError as error:
-        if isinstance(error.__cause__, OSError):
-            raise error.__cause__ from None  # the disk's fault
+        if getattr(error.__cause__, "errno", None) in _OF_THE_MACHINE:
+            raise error.__cause__ from None  # type: ignore[misc]
         raise OutputError(f"{directory}: {error}") from None
     except (ValueError, RecursionError):
         raise OutputError(f"{directory / NAME} is damaged: not JSON") from None

@@ -11,6 +11,7 @@ from terrain_forge.building import (
     altered_files,
     folder_state,
     hash_found,
+    read_manifest,
     require_ours,
     write_manifest,
 )
@@ -49,3 +50,10 @@ def test_the_folder_that_one_is_in_is_not_replaced(tmp_path, monkeypatch, below)
         require_ours(tmp_path / "out")
     monkeypatch.chdir(tmp_path)
     require_ours(tmp_path / "new")
+
+
+def test_a_manifest_that_cannot_be_read_is_no_fault_of_the_disk_that_is_written(folder):
+    (folder / "manifest.json").unlink()
+    (folder / "manifest.json").symlink_to("/proc/self/mem")
+    with pytest.raises(OutputError, match=r"manifest.json cannot be read: .*Input/output error"):
+        read_manifest(folder)
