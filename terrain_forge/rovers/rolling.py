@@ -11,9 +11,10 @@ import numpy as np
 from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
 from terrain_forge.model import Coupling, Link, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
+from terrain_forge.rovers.belly import measure_belly
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.custom import FileRover, Frame
-from terrain_forge.rovers.tread import Tread, corners, measure_tread
+from terrain_forge.rovers.tread import Tread, measure_tread
 
 _UPRIGHT = 0.7
 """Vertical part of an axis from which a joint is one that steers."""
@@ -37,8 +38,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     x forward, y left, z up, its origin on the ground amid the wheels.
 
     Raises:
-        DataError: if wheels are not found or do not roll forward, or something that moves has no
-            mass.
+        DataError: if wheels are not found or do not roll forward, something that moves has no
+            mass, or no part of the body is above the ground.
     """
     machine = _Machine(assembly, spec)
     wheels, free_wheels = machine.find_wheels()
@@ -55,8 +56,11 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
             "Axes turned about, so that a positive rate rolls forward, which the file's own "
             f"controllers must be told: {', '.join(turned)}."
         )
-    base = [s for s in links[0].shapes if s.collides] or links[0].shapes
-    lowest = min((float(corners(shape)[:, 2].min()) for shape in base), default=0.0)
+    clearance = measure_belly(
+        machine.rigid(bodies, wheels | passive),
+        radius=min(tread.radius for tread in treads.values()),
+        step_limit=spec.step_limit_m,
+    )
     mass = sum(link.mass for link in links)
     return Rover(
         name=assembly.name,
@@ -69,7 +73,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         torque_limit=spec.torque_limit_n_m or machine.torque(wheels, treads, mass),
         speed_limit=spec.speed_limit_m_s,
         tilt_limit=math.radians(spec.tilt_limit_deg),
-        clearance=max(lowest, 0.0),
+        clearance=clearance,
         step_limit=spec.step_limit_m,
         couplings=machine.couplings(passive),
         notes=tuple(notes),
@@ -197,6 +201,10 @@ class _Machine:
             names.append(parent)
             name = parent
         return names
+
+    def rigid(self, bodies: list[Body], moving: set[str]) -> list[Body]:
+        """Those of the bodies that do not move against the root."""
+        return [b for b in bodies if not moving.intersection({b.name, *self._ancestors(b.name)})]
 
     def couplings(self, passive: Collection[str]) -> tuple[Coupling, ...]:
         """Gears between passive joints."""

@@ -88,7 +88,7 @@ def measure_tread(
         raise DataError(
             f"wheel {name!r} has no geometry: its radius is unknown", key=("rover", "wheels")
         )
-    points = np.concatenate([_outline(s, p[:3, :3], p[:3, 3]) for p, s in touched]) - centre
+    points = np.concatenate([outline(s, p[:3, :3], p[:3, 3]) for p, s in touched]) - centre
     along = portable.product(points, axis)
     reach = np.linalg.norm(points - along[:, None] * axis, axis=1)
     measured, width = float(reach.max()), float(np.ptp(along))
@@ -110,10 +110,10 @@ def measure_tread(
 
 def corners(shape: Shape) -> Array:
     """Points of a shape that no point of it exceeds, in the link's frame [m], shape [n, 3]."""
-    return _outline(shape, matrix_from_quaternion(quaternion_from_rpy(shape.rpy)), shape.position)
+    return outline(shape, matrix_from_quaternion(quaternion_from_rpy(shape.rpy)), shape.position)
 
 
-def _outline(shape: Shape, rotation: Array, position: Array) -> Array:
+def outline(shape: Shape, rotation: Array, position: Array) -> Array:
     """Outermost points of a shape that is turned and put somewhere [m], shape [n, 3]."""
     size = shape.size
     angles = np.linspace(0.0, 2 * math.pi, 72, endpoint=False)

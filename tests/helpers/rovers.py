@@ -91,6 +91,32 @@ def _steering(side: str, at: str) -> str:
     )
 
 
+_PART = (
+    '<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="0.1" ixy="0" ixz="0" '
+    'iyy="0.1" iyz="0" izz="0.1"/></inertial><collision><origin rpy="{roll} 0 0"/><geometry>'
+    "{shape}</geometry></collision></link>"
+)
+_JOINT = (
+    '<joint name="{name}_joint" type="{kind}"><parent link="chassis"/><child link="{name}"/>'
+    '<origin xyz="{at}"/><axis xyz="0 1 0"/></joint>'
+)
+
+
+def caster_urdf(folder: Path, *, caster_m: float, chassis_m: float) -> Path:
+    """Two wheels of 0.2 m under a chassis, and a ball behind; undersides of both as high [m]."""
+    wheel, ball = '<cylinder radius="0.2" length="0.1"/>', '<sphere radius="0.1"/>'
+    parts = [_PART.format(name="chassis", mass=30, roll=0, shape='<box size="0.8 0.4 0.2"/>')]
+    axle, low = 0.1 - chassis_m, -0.1 - chassis_m
+    for name, y in (("wheel_l", 0.3), ("wheel_r", -0.3)):
+        parts.append(_PART.format(name=name, mass=2, roll=math.pi / 2, shape=wheel))
+        parts.append(_JOINT.format(name=name, kind="continuous", at=f"0.3 {y} {axle}"))
+    parts.append(_PART.format(name="caster", mass=0.3, roll=0, shape=ball))
+    parts.append(_JOINT.format(name="caster", kind="fixed", at=f"-0.35 0 {low + caster_m + 0.1}"))
+    file = folder / "caster.urdf"
+    file.write_text(f'<robot name="caster">{"".join(parts)}</robot>')
+    return file
+
+
 BUGGY = """<mujoco model="buggy">
   <compiler angle="degree"/>
   <worldbody>

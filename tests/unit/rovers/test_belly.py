@@ -1,0 +1,34 @@
+"""The clearance of users' rovers: what of a body is its measure, and what rests on the ground."""
+
+from __future__ import annotations
+
+import pytest
+
+from terrain_forge.base import DataError
+from terrain_forge.paths import highest_step
+from tests.helpers import rovers
+
+
+def two_wheels(tmp_path, *, caster_m, chassis_m=0.05, **choices):
+    file = rovers.caster_urdf(tmp_path, caster_m=caster_m, chassis_m=chassis_m)
+    return rovers.read(file, **choices)
+
+
+@pytest.mark.parametrize("caster_m", [0.0, -0.004, 0.009])
+def test_parts_that_rest_on_the_ground_are_no_measure_of_clearance(tmp_path, caster_m):
+    rover = two_wheels(tmp_path, caster_m=caster_m)
+    assert rover.clearance == pytest.approx(0.05)
+    assert highest_step(rover) == pytest.approx(0.05)
+
+
+def test_low_parts_that_do_not_touch_are_the_clearance(tmp_path):
+    assert two_wheels(tmp_path, caster_m=0.02).clearance == pytest.approx(0.02)
+
+
+def test_a_rover_of_which_nothing_is_above_the_ground_needs_a_step_limit(tmp_path):
+    wanted = r"lowest collider is caster: .* give rover\.step_limit_m"
+    with pytest.raises(DataError, match=wanted) as error:
+        two_wheels(tmp_path, caster_m=0.0, chassis_m=0.0001)
+    assert error.value.key == ("rover",)
+    rover = two_wheels(tmp_path, caster_m=0.0, chassis_m=0.0001, step_limit_m=0.03)
+    assert (rover.clearance, highest_step(rover)) == (0.0, 0.03)
