@@ -141,6 +141,8 @@ def _parents_first(
     for name in {*parent, *parent.values()} - set(links):
         raise FileError(f"{file.name}: a joint names the link {name!r}, there is none")
     roots = [name for name in links if name not in parent]
+    if not roots and links:
+        raise FileError(f"{file.name}: joints form a loop of the links {_loop(parent)}")
     if len(roots) != 1:
         found = ", ".join(roots) or "none"
         raise FileError(f"{file.name}: a rover has one root link, found {found}")
@@ -150,8 +152,19 @@ def _parents_first(
         last = set(level)
         level = [child for child, above in parent.items() if above in last]
     if len(order) < len(links):
-        raise FileError(f"{file.name}: joints form a loop")
+        rest = {child: above for child, above in parent.items() if child not in order}
+        raise FileError(f"{file.name}: joints form a loop of the links {_loop(rest)}")
     return order
+
+
+def _loop(parent: dict[str, str]) -> str:
+    """The links of a loop, from a parent to its child, where each link has one of these parents."""
+    seen: list[str] = []
+    name = next(iter(parent))
+    while name not in seen:
+        seen.append(name)
+        name = parent[name]
+    return ", ".join(reversed(seen[seen.index(name) :]))
 
 
 def _joint(element: Element | None, driven: set[str]) -> Joint:
@@ -300,5 +313,6 @@ def _floats(
         why = f"{least:g} or more"
     if why:
         tag = "?" if element is None else element.tag
-        raise FileError(f"{tag} {name}={text[:200]!r}: must be {why}")
+        hint = "; a file called .xacro is read as xacro" if "$(" in text or "${" in text else ""
+        raise FileError(f"{tag} {name}={text[:200]!r}: must be {why}{hint}")
     return values

@@ -28,6 +28,8 @@ CART = (
     + "".join(WHEEL.format(n=n, x=0.2 - 0.4 * (n // 2), y=0.3 - 0.6 * (n % 2)) for n in range(4))
 )
 
+BACK = '<joint name="back" type="fixed"><parent link="{parent}"/><child link="base_link"/></joint></robot>'
+
 
 def xacro(body):
     return HEAD + CART + body + "</robot>"
@@ -133,7 +135,7 @@ ATTACKS = {
     "environment": (python("$(env HOME)"), "xacro", "environment is not read"),
     "environment in eval": (python("$(eval env('HOME'))"), "xacro", "only arithmetic"),
     "command": (python("$(command cat /etc/passwd)"), "xacro", "is not known"),
-    "code in a urdf": (urdf(("0 1 0", "$(eval 1)")), "urdf", "must be 3 numbers"),
+    "code in a urdf": (urdf(("0 1 0", "$(eval 1)")), "urdf", "must be 3 numbers; a file called .xacro is"),
     "xacro in a urdf": (xacro('<xacro:if value="${1}"/>'), "urdf", "name it .xacro"),
     # other files
     "include by absolute path": (
@@ -310,6 +312,12 @@ ATTACKS = {
              "</robot>")))), "urdf", "no geometry|no mass"),
     # numbers and names
     "mass": (urdf(('mass value="8"', 'mass value="1e300"')), "urdf", "at most"),
+    "loop of all": (
+        urdf(("</robot>", BACK.format(parent="wheel_1"))), "urdf",
+        "form a loop of the links (base_link, wheel_1|wheel_1, base_link)$"),
+    "loop beside a root": (
+        urdf(("</robot>", '<link name="a"/>' + BACK.format(parent="wheel_1"))), "urdf",
+        "form a loop of the links (base_link, wheel_1|wheel_1, base_link)$"),
     "mass nan": (urdf(('mass value="8"', 'mass value="nan"')), "urdf", "must be a number"),
     "inertia": (urdf(('ixx="1"', 'ixx="1e300"')), "urdf", "at most"),
     "origin": (urdf(('<origin xyz="0.2', '<origin xyz="1e300')), "urdf", "at most"),
