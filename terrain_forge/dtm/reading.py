@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, Mask
+from terrain_forge.base import Array, DataError, Mask, portable
 from terrain_forge.dtm.interpolation import FAR, STENCIL
 from terrain_forge.dtm.lattice import patch_pixels, patch_points
 from terrain_forge.dtm.projection import meridian_period, pole_distance, wrap_around
@@ -25,6 +27,8 @@ CONTEXT_POSTS = 256
 FILL_POSTS = 8
 """Width of the widest hole that is filled unless the recipe says otherwise [samples]."""
 
+_SLACK = 0.5 + 1e-6  # samples that a site may reach beyond the outermost ones
+_HALVINGS = 30
 _MARGIN = FAR + STENCIL + 1  # samples that the ground at the site's edge depends on
 
 
@@ -123,15 +127,60 @@ def _outline(size: tuple[float, float]) -> tuple[Array, Array]:
 
 def _require_inside(raster: Raster, spec: RasterDtm, column: Array, row: Array) -> None:
     rows, columns = raster.shape
-    slack = 0.5 + 1e-6
-    beside = column.min() < -slack or column.max() > columns - 1 + slack
-    above = row.min() < -slack or row.max() > rows - 1 + slack
+    beside = column.min() < -_SLACK or column.max() > columns - 1 + _SLACK
+    above = row.min() < -_SLACK or row.max() > rows - 1 + _SLACK
     if above or (beside and not raster.goes_round):
+        wide = np.ptp(column) > columns - 1 + 2 * _SLACK and not raster.goes_round
+        high = np.ptp(row) > rows - 1 + 2 * _SLACK
+        east, north = _largest_size(raster, spec, column, row)
+        fits = f"; {east:g} × {north:g} m fit there" if min(east, north) > 0 else ""
         raise DataError(
             f"the site needs columns {column.min():.1f} to {column.max():.1f} and rows "
-            f"{row.min():.1f} to {row.max():.1f} of {spec.name}, which has {columns} × {rows}",
-            key=("dtm", "centre"),
+            f"{row.min():.1f} to {row.max():.1f} of {spec.name}, which has {columns} × {rows}"
+            f"{fits}",
+            key=("dtm", "size_m" if wide or high else "centre"),
         )
+
+
+def _largest_size(
+    raster: Raster, spec: RasterDtm, column: Array, row: Array
+) -> tuple[float, float]:
+    """About the largest size that fits around the site's centre [m], rounded down to 3 digits.
+
+    A square, as far as the wanted size has room for one, then each side as long as it may be.
+    """
+    needed, there = [], []
+    axes = [(row, raster.shape[0])] + [(column, raster.shape[1])] * (not raster.goes_round)
+    for index, length in axes:
+        ends = index[4, ::8], index[::8, 4]
+        needed.append([np.abs(end - index[4, 4]).max() for end in ends])
+        there.append(min(index[4, 4], length - 1 - index[4, 4]))
+    samples, room = np.array(needed) / spec.size_m, np.array(there)
+
+    def fits(east: float, north: float) -> bool:
+        return bool((portable.product(samples, np.array([east, north])) <= room).all())
+
+    wide, high = spec.size_m
+    side = _longest(max(wide, high), lambda length: fits(min(length, wide), min(length, high)))
+    north = min(side, high)
+    east = max(min(side, wide), _longest(wide, lambda length: fits(length, north)))
+    north = max(north, _longest(high, lambda length: fits(east, length)))
+    return _rounded_down(east), _rounded_down(north)
+
+
+def _longest(most: float, fits: Callable[[float], bool]) -> float:
+    """The longest length up to `most` that fits, as well as halving tells."""
+    low, high = 0.0, most
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(middle) else (low, middle)
+    return most if fits(most) else low
+
+
+def _rounded_down(length: float) -> float:
+    """A length with its first 3 digits."""
+    step = 10.0 ** (np.floor(np.log10(max(length, 1e-9))) - 2)
+    return float(np.floor(length / step) * step)
 
 
 def _span(index: Array, length: int, *, goes_round: bool = False) -> slice:
