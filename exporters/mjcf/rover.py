@@ -168,7 +168,7 @@ def _site(tag: str, name: str) -> dict[str, str]:
 
 
 def rig_losses(rover: Rover, where: str = "") -> list[str]:
-    """What MJCF does not say of a rig; `where` is added where other formats are told of too."""
+    """What MJCF does not say of rig and joints; `where` is added where other formats are too."""
     sensors = simple_sensors(rover.sensors)
     bare = titles(s for s in sensors if not (s.view or s.mjcf))
     sites = (
@@ -176,7 +176,18 @@ def rig_losses(rover: Rover, where: str = "") -> list[str]:
         "part of the model."
         for name in bare
     )
-    return [*sites, *figures_lost((s for s in sensors if s.view or s.mjcf), "mjcf")]
+    return [
+        *sites,
+        *figures_lost((s for s in sensors if s.view or s.mjcf), "mjcf"),
+        *rates_lost(rover, where),
+    ]
+
+
+def rates_lost(rover: Rover, where: str) -> list[str]:
+    """What a format does not say that knows no limit of a joint's rate."""
+    limited = [link.name for link in rover.links if link.rate_limit is not None]
+    told = f"Limits of the rates of joints are left out{where}: those of {', '.join(limited)}."
+    return [told] if limited else []
 
 
 def _body(rover: Rover, number: int, **placement: np.ndarray) -> Lines:

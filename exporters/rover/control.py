@@ -12,8 +12,8 @@ from terrain_forge.model import Link, Rover
 SKID_GAIN = 2.0
 """Commanded over wanted turn rate: skidding wheels turn a rover at about half the kinematic
 rate."""
-_LIMIT_RATE = 10.0
-"""Rate that a passive joint does not reach [rad/s]; URDF wants one."""
+_UNREACHED = 10.0
+"""Rate that a passive joint does not reach [rad/s], where nobody tells one and URDF wants one."""
 _RATE = 50
 _TURN_RATE = 0.4
 
@@ -43,7 +43,9 @@ def wheel_radius(rover: Rover) -> float:
 def joint_rate(rover: Rover, link: Link) -> float:
     """Largest rate of a joint [rad/s]."""
     radii = {wheel.link: wheel.radius for wheel in rover.wheels}
-    return rover.speed_limit / radii[link.name] if link.name in radii else _LIMIT_RATE
+    if link.name in radii:
+        return rover.speed_limit / radii[link.name]
+    return _UNREACHED if link.rate_limit is None else link.rate_limit
 
 
 def write_controllers(path: Path, rover: Rover) -> None:

@@ -62,7 +62,8 @@ def _joint(link: Link, rover: Rover, options: Options) -> Lines:
     # Drake puts a motor on each joint whose effort is not 0; DART keeps a gear by efforts.
     follows = gear is not None and options.release != "fortress"
     effort = rover.torque_limit if link.joint == "motor" else -1.0 if follows else 0.0
-    rate = joint_rate(rover, link) if effort > 0 else -1.0
+    limited = link.joint == "motor" or link.rate_limit is not None
+    rate = joint_rate(rover, link) if limited else -1.0
     axis = [
         *_exact(xyz=link.axis),
         element("limit", *_exact(lower=lower, upper=upper, effort=effort, velocity=rate)),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from shlex import quote
 
+from terrain_forge.exporters.mjcf.rover import rates_lost, write_rover
 from terrain_forge.exporters.mjcf.rover import rig_losses as mjcf_losses
-from terrain_forge.exporters.mjcf.rover import write_rover
 from terrain_forge.exporters.rover import control, sdf, urdf
 from terrain_forge.exporters.sdf.sensors import rig_losses as sdf_losses
 
@@ -69,7 +69,7 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
     if "usd" in options.formats:
         from terrain_forge.exporters.usd.rover import rig_losses as usd_losses
 
-        losses += usd_losses(rover)
+        losses += [*usd_losses(rover), *rates_lost(rover, " in USD")]
     if "mjcf" in options.formats:
         losses += mjcf_losses(rover, where=" in MJCF")
     if {"urdf", "sdf"} & set(options.formats):

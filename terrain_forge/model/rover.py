@@ -59,6 +59,8 @@ class Link(Record):
     """Viscous damping of the joint [N m s/rad]."""
     friction: float = 0.0
     """Dry friction of the joint [N m]."""
+    rate_limit: float | None = None
+    """Largest rate of a passive joint [rad/s]; None where nobody tells one."""
     mass: float
     """Mass [kg]."""
     centre_of_mass: Array = field(metadata=shaped(3))

@@ -38,6 +38,8 @@ class Joint:
     """Dry friction [N m]."""
     effort: float | None = None
     """Largest torque of its motor [N m], where the file tells."""
+    rate: float | None = None
+    """Largest rate [rad/s], where the file tells."""
     driven: bool = False
     """Whether the file names a motor on it."""
 

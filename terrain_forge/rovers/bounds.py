@@ -24,6 +24,8 @@ HEAVIEST = 1e7
 """Largest mass [kg] and moment of inertia [kg m²]."""
 MOST_EFFORT = 1e9
 """Largest torque [N m] and damping [N m s/rad]; a motor of more is one without a limit."""
+FASTEST = 1e6
+"""Largest rate of a joint [rad/s]; one of more has no limit."""
 _LONGEST = 200
 """Characters of a name."""
 _DEEPEST = 200

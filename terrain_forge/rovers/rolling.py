@@ -321,7 +321,7 @@ def _make_link(
         raise FileError(f"{where} has no mass, must be above 0 kg")
     centre = moment / mass
     inertia, said = _possible(about - mass * _steiner(centre), about, name)
-    joint = members[0].joint
+    joint, passive = members[0].joint, bool(name) and name not in wheels
     axis = np.array([1.0, 0.0, 0.0])
     if name:
         axis = portable.product(members[0].placement[:3, :3], joint.axis)
@@ -338,12 +338,13 @@ def _make_link(
     link = Link(
         name=_called(name),
         parent="",
-        joint="motor" if name in wheels else "passive" if name else "free",
+        joint="passive" if passive else "motor" if name else "free",
         origin=np.zeros(3),
         axis=forward * np.round(axis, 12) + 0.0,
-        limits=joint.limits if name and name not in wheels else None,
+        limits=joint.limits if passive else None,
         damping=joint.damping if name else 0.0,
         friction=joint.friction if name else 0.0,
+        rate_limit=joint.rate if passive else None,
         mass=mass,
         centre_of_mass=centre - origin,
         inertia=inertia,

@@ -182,7 +182,7 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
     if not length >= 1 / _STEEPEST:
         raise FileError(f"joint {name!r} is {kind}, and its axis has no direction")
     limit, dynamics = element.find("limit"), element.find("dynamics")
-    effort = _float(limit, "effort", 0.0)
+    effort, rate = (_float(limit, key, 0.0) for key in ("effort", "velocity"))
     limits = tuple(_float(limit, end, 0.0, most=_ENDLESS) for end in ("lower", "upper"))
     return Joint(
         name=name,
@@ -192,6 +192,7 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
         damping=_float(dynamics, "damping", 0.0, least=0.0, most=bounds.MOST_EFFORT),
         friction=_float(dynamics, "friction", 0.0, least=0.0, most=bounds.MOST_EFFORT),
         effort=effort if 0 < effort <= bounds.MOST_EFFORT else None,
+        rate=rate if 0 < rate <= bounds.FASTEST else None,
         driven=name in driven,
     )
 
