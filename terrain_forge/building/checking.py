@@ -8,6 +8,7 @@ from pathlib import Path
 
 from terrain_forge.base import DataError, reading
 from terrain_forge.building.cost import cost_line, stage_line
+from terrain_forge.building.rover_check import rover_lines
 from terrain_forge.dtm import (
     Description,
     RasterDtm,
@@ -99,13 +100,7 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
     for path in recipe.paths:
         if isinstance(path.route, Planned):
             yield f"  path         {path.name}: planned on the finished ground"
-    rover = rover_of(site)
-    for path in recipe.paths:
-        if path.speed_m_s > rover.speed_limit:
-            yield (
-                f"  {'warning':<12} {path.name}: {path.speed_m_s:g} m/s, the rover {rover.name} "
-                f"drives at {rover.speed_limit:g} m/s at most"
-            )
+    yield from rover_lines(site, rover_of(site))
     require_exports(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost_line(site, orders)}"

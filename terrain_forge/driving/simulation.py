@@ -236,6 +236,8 @@ class Watch:
                 f"no rock touched, tilt {tilt:.0f}°, wheels slip by {slip:.0%}, motors at their "
                 f"torque limit {strained:.0%} of the time"
             )
+        if vehicle.rover.steering:
+            reasons.append(f"joints that steer are held ({', '.join(vehicle.rover.steering)})")
         return f": {', '.join(reasons)}"
 
     def result(self, vehicle: Vehicle, pursuit: PurePursuit, *, skid_gain: float) -> DriveResult:

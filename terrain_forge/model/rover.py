@@ -144,6 +144,10 @@ class Rover(Record):
     (`paths.obstacles.highest_step`)."""
     couplings: tuple[Coupling, ...] = ()
     """Gears between passive joints."""
+    held: tuple[str, ...] = ()
+    """Joints of the rover's own file that are held at rest."""
+    steering: tuple[str, ...] = ()
+    """Those of them that steer wheels."""
     notes: tuple[str, ...] = ()
     """What was taken otherwise than the rover's own file says, a sentence each."""
 

@@ -46,8 +46,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     passive = machine.find_passive(wheels, free_wheels)
     bodies, treads = machine.stand(wheels)
     links, notes = _make_links(bodies, wheels, passive, treads)
-    named = [b for b in assembly.bodies if b.joint.kind != "fixed" and b.joint.name]
-    held = [b.joint.name for b in named if b.name not in wheels | passive]
+    held = machine.held(wheels | passive)
+    steering = machine.steering(wheels | free_wheels)
     if held:
         notes = [f"Held at rest: {', '.join(held)}.", *notes]
     backward = [name for name in treads if machine.axis(name)[1] < 0.0]
@@ -76,6 +76,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         clearance=clearance,
         step_limit=spec.step_limit_m,
         couplings=machine.couplings(passive),
+        held=tuple(held),
+        steering=tuple(name for name in held if name in steering),
         notes=tuple(notes),
     )
 
@@ -189,11 +191,23 @@ class _Machine:
         free = {n for n, b in self.bodies.items() if n in near and self._is_suspension(b)}
         return (free | told | free_wheels) - held - wheels
 
+    def held(self, moving: set[str]) -> list[str]:
+        """Joints that are not fixed in the file and at rest in the rover."""
+        named = [b for b in self.bodies.values() if b.joint.kind != "fixed" and b.joint.name]
+        return [b.joint.name for b in named if b.name not in moving]
+
+    def steering(self, wheels: set[str]) -> set[str]:
+        """Joints that steer wheels."""
+        above = {name for wheel in wheels for name in self._ancestors(wheel)}
+        return {self.bodies[n].joint.name for n in above if self._steers(self.bodies[n])}
+
+    def _steers(self, body: Body) -> bool:
+        return body.joint.kind == "revolute" and abs(self.axis(body.name)[2]) >= _UPRIGHT
+
     def _is_suspension(self, body: Body) -> bool:
         joint = body.joint
-        steers = abs(self.axis(body.name)[2]) >= _UPRIGHT and joint.kind == "revolute"
         moves = joint.limits is None or joint.limits[0] < joint.limits[1]
-        return joint.kind in TURNING and moves and not joint.driven and not steers
+        return joint.kind in TURNING and moves and not joint.driven and not self._steers(body)
 
     def _ancestors(self, name: str) -> list[str]:
         names = []

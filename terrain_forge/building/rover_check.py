@@ -1,0 +1,49 @@
+"""What `terrain-forge check` says of the rover: what was read of it, and what cannot be right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from terrain_forge.model import Rover, Site
+from terrain_forge.paths import highest_step
+
+LARGEST_RADIUS = 3.0
+"""Radius from which a wheel is one of another unit [m]; the largest tyres of lorries have 2 m."""
+_WARNING = f"  {'warning':<12}"
+
+
+def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
+    """What a site's rover is, and warnings of what cannot be right or is too fast for it."""
+    held = f", held: {', '.join(rover.held)}" if rover.held else ""
+    yield (
+        f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, {len(rover.wheels)} wheels of "
+        f"{_radii(rover)} m driven{held}, step limit {highest_step(rover):.2g} m"
+    )
+    if max(rover.wheel_radii) > LARGEST_RADIUS:
+        yield (
+            f"{_WARNING} wheels of {_radii(rover)} m: are the lengths of the rover's file in "
+            "another unit than metres?"
+        )
+    if rover.length > min(site.size) or rover.width > min(site.size):
+        yield (
+            f"{_WARNING} the rover is {rover.length:.3g} m long and {rover.width:.3g} m wide, the "
+            f"site {site.size[0]:g} × {site.size[1]:g} m"
+        )
+    validate = site.recipe.validate
+    if rover.steering and validate and (validate.drive or validate.drives):
+        yield (
+            f"{_WARNING} joints that steer are held at rest ({', '.join(rover.steering)}): the "
+            "rover turns by skidding, or not at all"
+        )
+    for path in site.recipe.paths:
+        if path.speed_m_s > rover.speed_limit:
+            yield (
+                f"{_WARNING} {path.name}: {path.speed_m_s:g} m/s, the rover {rover.name} drives "
+                f"at {rover.speed_limit:g} m/s at most"
+            )
+
+
+def _radii(rover: Rover) -> str:
+    """The radii of the wheels, or the least and the largest."""
+    low, high = (f"{value:.2f}" for value in (min(rover.wheel_radii), max(rover.wheel_radii)))
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,64 @@
+"""What `check` says of the rover."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from terrain_forge.dtm import FlatDtm
+from terrain_forge.pipeline import check
+from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
+from terrain_forge.rovers import FileRover
+from tests.helpers import rovers
+from tests.unit.building.test_cost import planned
+
+
+@pytest.fixture(scope="module")
+def tub(tmp_path_factory):
+    return rovers.rocker_urdf(tmp_path_factory.mktemp("urdf"))
+
+
+def recipe(**more):
+    terrain, dtm = TerrainSpec(spacing_m=0.1), FlatDtm(size_m=(16.0, 12.0))
+    return Recipe(
+        **{"name": "r", "seed": 1, "body": "mars", "dtm": dtm, "terrain": terrain, **more}
+    )
+
+
+def said(recipe, folder=None):
+    """What is told of the rover, and the warnings."""
+    lines = list(check(recipe, folder=folder) if folder else check(recipe))
+    (told,) = (line.split(maxsplit=1)[1] for line in lines if line.startswith("  rover "))
+    return told, [line.split(maxsplit=1)[1] for line in lines if line.startswith("  warning")]
+
+
+def test_a_built_in_rover():
+    told, warned = said(recipe())
+    assert re.fullmatch(
+        r"morpheus: [\d.]+ kg, 6 wheels of 0\.14 m driven, step limit 0\.22 m", told
+    )
+    assert warned == []
+
+
+def test_a_rover_of_a_file_with_steering_that_is_held(tub):
+    mine = FileRover(file=tub.name, packages={"tub": str(tub.parents[1])})
+    told, warned = said(recipe(rover=mine), tub.parent)
+    joints = "left_steer_wheel_joint, right_steer_wheel_joint"
+    assert told.startswith("tub: ")
+    assert f"4 wheels of 0.15 m driven, held: pan, {joints}, step limit" in told
+    assert warned == []
+    path = planned(0.1).paths[0]
+    driven = recipe(rover=mine, paths=(path,), validate=ValidateSpec(drive=DriveSpec(path="0")))
+    _, (warned,) = said(driven, tub.parent)
+    assert warned == (
+        f"joints that steer are held at rest ({joints}): the rover turns by skidding, or not at all"
+    )
+
+
+def test_sizes_of_another_unit_and_beyond_the_site_are_warned_of(tub, tmp_path):
+    file = rovers.caster_urdf(tmp_path, caster_m=0.02, chassis_m=0.05)
+    told, warned = said(recipe(rover=FileRover(file=file.name, wheel_radius_m=40.0)), tmp_path)
+    assert "2 wheels of 40.00 m driven, step limit" in told
+    assert "another unit than metres" in warned[0]
+    assert "m wide, the site 16 × 12 m" in warned[1]
