@@ -14,6 +14,9 @@ _WARNING = f"  {'warning':<12}"
 
 def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
     """What a site's rover is, and warnings of what cannot be right or is too fast for it."""
+    if not rover.wheels:
+        yield f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, no wheels"
+        return
     held = f", held: {', '.join(rover.held)}" if rover.held else ""
     yield (
         f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, {len(rover.wheels)} wheels of "
