@@ -156,7 +156,7 @@ def plugin_at_fault(error: BaseException) -> str:
         if package == _OURS:
             return ""
         if point := ends.get(module) or ends.get(package):
-            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            why = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
             return f"{_what(point.group)} {point.name!r} ({module}, line {line}) failed: {why}"
     return ""
 

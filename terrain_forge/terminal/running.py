@@ -76,7 +76,8 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
     except MemoryError as error:
         if "--debug" in arguments:
             traceback.print_exc()
-        say(f"terrain-forge: the system gives no more memory: {error or 'none is left'}", err=True)
+        why = plugin_at_fault(error) or str(error) or "none is left"
+        say(f"terrain-forge: the system gives no more memory: {why}", err=True)
         return INTERNAL
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:

@@ -134,10 +134,12 @@ def _checks(
     if progress:
         built = replace(built, progress=partial(progress, inspection.kind))
         progress(inspection.kind, 0.0)
+    found: list[Check] = []
     try:
-        return list(map(_judged, inspection.checks(built)))
+        found.extend(map(_judged, inspection.checks(built)))  # what it gave before it fails stays
     except FOREIGN_FAILURES as error:
-        return [_at_fault(inspection, "check", error)]
+        found.append(_at_fault(inspection, "check", error))
+    return found
 
 
 def _judged(check: Check) -> Check:

@@ -164,6 +164,7 @@ def test_an_error_of_a_plugin_names_it(plugged, capsys):
     """Also one that it meets in another library; one of ours stays ours."""
     text = (
         "def bad(): return {}['a\\nb']\ndef parse(text): return int(text)\ndef ours(f): return f()"
+        "\ndef full(): raise MemoryError"
     )
     plugged("foreign_layer", text, "terrain_forge.layers")
     foreign = sys.modules["foreign_layer"]
@@ -172,6 +173,10 @@ def test_an_error_of_a_plugin_names_it(plugged, capsys):
         told = capsys.readouterr().err
         assert told.startswith(f"terrain-forge: layer 'foreign_layer' (foreign_layer, {where}) fai")
         assert told.count("\n") == 1
+    assert run_command(click.Command("build", callback=foreign.full), []) == 3
+    place = "layer 'foreign_layer' (foreign_layer, line 4) failed: MemoryError"
+    told = f"terrain-forge: the system gives no more memory: {place}\n"
+    assert capsys.readouterr().err == told
     broken = click.Command("build", callback=lambda: foreign.ours(lambda: shortening("a", 1.0)))
     assert run_command(broken, []) == 3
     assert "internal error, please report it" in capsys.readouterr().err
