@@ -64,6 +64,7 @@ from .registry import failure_words as failure_words
 from .registry import is_ours as is_ours
 from .registry import load_plugin as load_plugin
 from .registry import parts as parts
+from .registry import place_of as place_of
 from .registry import plugin_at_fault as plugin_at_fault
 from .registry import plugins as plugins
 from .registry import returning as returning

@@ -31,6 +31,9 @@ _skipped: dict[tuple[str, str, str], list[str]] = {}
 _asked: set[str] = set()
 """Groups in which something was looked for."""
 
+_PLAIN = {f"ClassVar[{kind.__name__}]": kind for kind in (str, int)}
+"""Types of class attributes that are looked at, as bases write them."""
+
 FOREIGN_FAILURES = (Exception, SystemExit)
 """What code of other packages may raise; an exit of theirs must not end ours as if all was done."""
 
@@ -131,6 +134,16 @@ def failure_words(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+def place_of(part: type, error: BaseException) -> str:
+    """The module of a part, with the line of its package at which an error was raised."""
+    package = part.__module__.partition(".")[0]
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        module = str(frame.f_globals.get("__name__", ""))
+        if module.partition(".")[0] == package:
+            return f"{module}, line {line}"
+    return part.__module__
+
+
 def _is_new(point: EntryPoint, group: str, why: str) -> bool:
     """Whether that is not known of the plugin; it is then."""
     known = _skipped.setdefault((group, point.name, point.value), [])
@@ -203,8 +216,8 @@ def unfit(part: type) -> str:
     """Why a class cannot be used as a part; empty if it can.
 
     It needs all methods that its bases mark as abstract and all class attributes that they declare
-    without a value; a part of recipes is a frozen dataclass that pydantic can read, with a literal
-    `kind`.
+    without a value, texts and whole numbers of their type; a part of recipes is a frozen dataclass
+    that pydantic can read, with a literal `kind`.
     """
     lacking = [
         name
@@ -221,6 +234,10 @@ def unfit(part: type) -> str:
     ]
     if lacking:
         return f"has no {', '.join(lacking)}"
+    for name, kind in declared.items():
+        plain = _PLAIN.get(str(kind))
+        if plain and not isinstance(found := getattr(part, name), plain):
+            return f"has {name} = {found!r:.40}, which is no {plain.__name__}"
     try:
         return _unreadable(part) if issubclass(part, Spec) else ""
     except Exception as error:  # whatever pydantic or a foreign annotation raises

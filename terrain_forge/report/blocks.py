@@ -53,18 +53,32 @@ class Block(SimpleNamespace):
 
 
 def heading(text: str) -> Block:
-    """A heading within a section."""
-    return Block(kind="heading", text=text)
+    """A heading within a section.
+
+    Raises:
+        TypeError: if it is no text.
+    """
+    return Block(kind="heading", text=_text(text))
 
 
 def paragraph(text: Shown, style: str = "") -> Block:
-    """A paragraph, with a CSS class or none."""
-    return Block(kind="paragraph", text=text, style=style)
+    """A paragraph, with a CSS class or none.
+
+    Raises:
+        TypeError: if it is neither text nor Cell.
+    """
+    return Block(kind="paragraph", text=_cell(text), style=style)
 
 
 def facts(rows: Sequence[tuple[str, Shown]]) -> Block:
-    """Names and what they are, in as many columns as fit."""
-    return Block(kind="facts", rows=rows)
+    """Names and what they are, in as many columns as fit.
+
+    Raises:
+        TypeError: for a row that is no such pair.
+    """
+    if odd := [row for row in rows if not isinstance(row, list | tuple) or len(row) != 2]:
+        raise TypeError(f"a row of facts must be a name and what it is, found {odd[0]!r:.60}")
+    return Block(kind="facts", rows=[(_text(name), _cell(value)) for name, value in rows])
 
 
 def table(
@@ -75,11 +89,31 @@ def table(
     style: str = "",
     folded: bool = False,
 ) -> Block:
-    """A table; `figures` has a letter per column: `l` for words, `r` for numbers."""
+    """A table; `figures` has a letter per column: `l` for words, `r` for numbers.
+
+    Raises:
+        TypeError: if what is to stand in a cell is neither text nor Cell.
+        ValueError: if a row has not as many cells as there are letters.
+    """
     kinds = ["num" if letter == "r" else "txt" for letter in figures]
+    headings, rows = [*map(_text, headings)], [[*map(_cell, row)] for row in rows]
+    if odd := [row for row in (headings, *rows) if len(row) != len(kinds)]:
+        raise ValueError(f"a row of a table must have {len(kinds)} cells, found {odd[0]!r:.60}")
     return Block(
         kind="table", headings=headings, rows=rows, kinds=kinds, style=style, folded=folded
     )
+
+
+def _text(found: object) -> str:
+    if not isinstance(found, str):
+        raise TypeError(f"must be text, found {found!r:.40}")
+    return found
+
+
+def _cell(found: object) -> Shown:
+    if not isinstance(found, str | Cell):
+        raise TypeError(f"must be text or a Cell, found {found!r:.40}")
+    return found
 
 
 def photograph(pixels: NDArray[np.uint8], description: str, caption: str = "") -> Block:

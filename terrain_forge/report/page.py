@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from hashlib import sha256
 from operator import attrgetter
@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.base import FOREIGN_FAILURES, failure_words, parts
+from terrain_forge.base import FOREIGN_FAILURES, failure_words, is_ours, parts, place_of
 from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.glossary import explained, explained_in
@@ -70,9 +71,9 @@ def write_report_page(
     """
     built = Built(world, directory, exports, above, dataset)
     sections = [
-        {"title": kind.title, "anchor": _anchor(kind.title), "blocks": blocks}
+        _shown(kind.title, body)
         for kind in sorted(section_types(), key=attrgetter("place"))
-        if (blocks := _blocks(kind, built))
+        if (body := _body(kind, built))
     ]
     # The colour of the body's ground, dark enough to read on white.
     red, green, blue = (round(200 * part) for part in world.site.body.ground_rgb)
@@ -114,10 +115,7 @@ def write_page(
         lead=lead,
         verdict=verdict,
         failed=[],
-        sections=[
-            {"title": title, "anchor": _anchor(title), "blocks": blocks}
-            for title, blocks in sections
-        ],
+        sections=[_shown(title, _rendered(blocks)) for title, blocks in sections],
         preview=None,
         scripts=(),
         version=__version__,
@@ -126,15 +124,37 @@ def write_page(
     return path
 
 
-def _blocks(kind: type[Section], built: Built) -> Sequence[Block]:
-    """The blocks of a section; one of another package that raises is left out with a warning."""
+def _shown(title: str, body: Markup) -> dict[str, Any]:
+    """A section as the page's template finds it."""
+    return {"title": title, "anchor": _anchor(title), "body": body}
+
+
+def _body(kind: type[Section], built: Built) -> Markup:
+    """What a section shows, empty where it says nothing.
+
+    One of another package that raises, or whose blocks cannot be shown, is left out with a warning.
+    """
     try:
-        return kind().blocks(built)
+        return _rendered(kind().blocks(built))
     except FOREIGN_FAILURES as error:
-        if kind.__module__.startswith("terrain_forge."):
+        if is_ours(kind.__module__):
             raise
-        _log.warning("section %r of the report is left out: %s", kind.title, failure_words(error))
-        return []
+        told = kind.title, place_of(kind, error), failure_words(error)
+        _log.warning("section %r of the report (%s) is left out: %s", *told)
+        return Markup()
+
+
+def _rendered(blocks: Iterable[Block]) -> Markup:
+    """Blocks as they stand in the page.
+
+    Raises:
+        TypeError: for what is no block.
+    """
+    made = list(blocks)
+    for block in made:
+        if not isinstance(block, Block):
+            raise TypeError(f"its blocks must be Blocks, found {block!r:.40}")
+    return Markup(render("blocks.html", blocks=made))
 
 
 def render(template: str, **values: Any) -> str:

@@ -11,7 +11,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import FOREIGN_FAILURES, Record, failure_words, parts
+from terrain_forge.base import FOREIGN_FAILURES, Record, failure_words, is_ours, parts, place_of
 from terrain_forge.driving import DriveResult
 from terrain_forge.model import Check, Export, World, exporter, failed, plain_options
 from terrain_forge.recipe import ValidateSpec
@@ -172,11 +172,10 @@ def _reported(inspection: Inspection, more: dict[str, Any]) -> list[Check]:
 
 def _at_fault(inspection: Inspection, what: str, error: BaseException) -> Check:
     """A check that says what is wrong with one of another package; an error of ours goes on."""
-    module = type(inspection).__module__
-    if module.startswith("terrain_forge."):
+    if is_ours(type(inspection).__module__):
         raise error
-    why = failure_words(error)
-    return failed(f"{inspection.kind}: {what}", f"cannot be made ({module}): {why}")
+    where, why = place_of(type(inspection), error), failure_words(error)
+    return failed(f"{inspection.kind}: {what}", f"cannot be made ({where}): {why}")
 
 
 def _remove(directory: Path, names: Sequence[str]) -> None:

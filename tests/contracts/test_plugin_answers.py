@@ -26,6 +26,8 @@ odd = odd_law
 odd = odd_shape
 [terrain_forge.checks]
 odd = odd_check
+[terrain_forge.report_sections]
+odd = odd_section
 [terrain_forge.layer]
 misnamed = odd_layer
 """
@@ -119,6 +121,24 @@ MODULES = {
     + "class Leaver(Nan):\n    kind = 'leaver'\n"
     + "    def checks(self, built): exit(0)\n"
     + "    def report(self): return {}\n",
+    "odd_section.py": "from terrain_forge.report import Block, Section, facts, heading\n"
+    + "class Good(Section):\n    kind, title, place = 'good', 'Good', 46\n"
+    + "    def blocks(self, built): return (facts([('good', 'kept')]) for _ in range(2))\n"
+    + "class Text(Good):\n    kind = title = 'text'\n"
+    + "    def blocks(self, built): return ['abc']\n"
+    + "class Nothing(Good):\n    kind = title = 'nothing'\n"
+    + "    def blocks(self, built): return None\n"
+    + "class Single(Good):\n    kind = title = 'single'\n"
+    + "    def blocks(self, built):\n        return [facts([('a',)])]\n"
+    + "class Number(Good):\n    kind = title = 'number'\n"
+    + "    def blocks(self, built):\n        return [facts([('a', 3.5)])]\n"
+    + "class Late(Good):\n    kind = title = 'late'\n"
+    + "    def blocks(self, built):\n        yield heading('never shown')\n        raise KeyError\n"
+    + "class Made(Good):\n    kind = title = 'made'\n"
+    + "    def blocks(self, built): return [Block(kind='unheard of')]\n"
+    + "class Bare(Good):\n    kind = title = 'bare'\n"
+    + "    def blocks(self, built): return [Block(kind='facts')]\n"
+    + "class Placed(Good):\n    kind = title = 'placed'\n    place = '46'\n",
 }
 RECIPE = """
 schema: 1
@@ -265,6 +285,31 @@ def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(install
     assert counts["populations"][0]["law"] == {"kind": "odd", "rate": 1.0}
 
 
+LEFT_OUT = {
+    "text": " is left out: its blocks must be Blocks, found 'abc'",
+    "nothing": " is left out: 'NoneType' object is not iterable",
+    "single": ", line 14) is left out: a row of facts must be a name and what it is, found ('a',)",
+    "number": ", line 18) is left out: must be text or a Cell, found 3.5",
+    "late": ", line 23) is left out: KeyError",
+    "made": " is left out: 'unheard of.html' not found",
+    "bare": " is left out: 'terrain_forge.report.blocks.Block object' has no attribute 'rows'",
+}
+
+
+def test_a_section_that_cannot_be_shown_is_left_out_and_the_world_is_kept(installed, tmp_path):
+    with fresh(installed):
+        done = build(tmp_path)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert done.returncode == 1, done.stderr  # for the checks
+    assert page.count("kept") == 2
+    assert "never shown" not in page
+    assert done.stderr.count(" of the report (odd_section") == len(LEFT_OUT)
+    for title, why in LEFT_OUT.items():
+        (line,) = (one for one in done.complaints if f"section {title!r} of" in one)
+        assert line.startswith(f"section {title!r} of the report (odd_section")
+        assert why in line, line
+
+
 def test_doctor_lists_the_parts_of_others(installed):
     with fresh(installed, anew=True):
         done = run("doctor")
@@ -275,6 +320,7 @@ def test_doctor_lists_the_parts_of_others(installed):
         "layer typo not working (typo_layer): Typo has not `kind: Literal['tpyo'] = 'tpyo'`",
         "size law odd works (odd_law)",
         "check odd works (odd_check)",
+        "report section odd not working (odd_section): Placed has place = '46', which is no int",
         "layer misnamed not working (odd_layer): nothing is looked for in terrain_forge.layer",
         "exporter gone not working (gone_exporter): No module named 'a_module_that_nobody_has'",
     ):

@@ -403,4 +403,5 @@ def test_a_foreign_section_that_raises_is_left_out(small_world, tmp_path, monkey
     monkeypatch.setattr("terrain_forge.report.page.section_types", lambda: (Broken,))
     text = write_report_page(small_world, tmp_path).read_text(encoding="utf-8")
     assert "boom" not in text
-    assert "section 'Broken' of the report is left out: boom" in caplog.text
+    where = r"\(tests\.unit\.report\.test_report_page, line \d+\)"
+    assert re.search(rf"section 'Broken' of the report {where} is left out: boom", caplog.text)
