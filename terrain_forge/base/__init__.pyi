@@ -60,6 +60,7 @@ from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .registry import FOREIGN_FAILURES as FOREIGN_FAILURES
+from .registry import brought as brought
 from .registry import failure_words as failure_words
 from .registry import is_ours as is_ours
 from .registry import load_plugin as load_plugin
@@ -101,6 +102,7 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .specs import is_listed_name as is_listed_name
 from .storage import storing as storing
 from .tasks import require_scheduler as require_scheduler
 from .tasks import run_tasks as run_tasks

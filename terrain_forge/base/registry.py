@@ -28,6 +28,8 @@ _log = logging.getLogger(__name__)
 _Part = TypeVar("_Part")
 _skipped: dict[tuple[str, str, str], list[str]] = {}
 """Why something of a plugin is skipped, by its group, name and value."""
+_brought: dict[tuple[str, str, str], dict[str, None]] = {}
+"""What a plugin brings, by its group, name and value."""
 _asked: set[str] = set()
 """Groups in which something was looked for."""
 
@@ -142,6 +144,11 @@ def place_of(part: type, error: BaseException) -> str:
         if module.partition(".")[0] == package:
             return f"{module}, line {line}"
     return part.__module__
+
+
+def brought(point: EntryPoint) -> tuple[str, ...]:
+    """The kinds or names that a plugin has brought so far, by which it is used."""
+    return tuple(_brought.get((point.group, point.name, point.value), ()))
 
 
 def _is_new(point: EntryPoint, group: str, why: str) -> bool:
@@ -300,7 +307,9 @@ def _first_of_each(
     found: dict[str, tuple[Any, str]] = {name: (None, "terrain_forge") for name in taken}
     for name, member, module, point in named:
         first, where = found.setdefault(name, (member, module))
-        if first is not member and point is not None:
+        if point is not None and first is member:
+            _brought.setdefault((group, point.name, point.value), {})[name] = None
+        elif point is not None:
             _skip_twin(point, group, name, module, f"{where} has that {what}")
     return {name: first for name, (first, _) in found.items() if first is not None}
 

@@ -44,6 +44,12 @@ def is_file_name(text: str) -> bool:
     return plain and len(text.encode()) <= MAX_NAME_BYTES
 
 
+def is_listed_name(text: str) -> bool:
+    """Whether a file's name can stand among others with commas between, as `--only` takes them."""
+    alone = "," not in text and text == text.strip()
+    return alone and is_file_name(text) and len(text) <= MAX_NAME
+
+
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
 """A name that may become a file's or a folder's: no separator, no leading dot."""
 

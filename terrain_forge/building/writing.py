@@ -18,8 +18,16 @@ from terrain_forge.base import (
     returning,
     worker_threads,
 )
-from terrain_forge.model import Export, ExportReport, World, html_picture, plain_options, prepare
-from terrain_forge.recipe import RESERVED, ExportOrder
+from terrain_forge.model import (
+    RESERVED,
+    Export,
+    ExportReport,
+    World,
+    html_picture,
+    plain_options,
+    prepare,
+)
+from terrain_forge.recipe import ExportOrder
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,7 @@ from .check import failed as failed
 from .distortion import Distortion as Distortion
 from .distortion import Equidistant as Equidistant
 from .distortion import RadialTangential as RadialTangential
+from .exporting import RESERVED as RESERVED
 from .exporting import Export as Export
 from .exporting import Exporter as Exporter
 from .exporting import ExportReport as ExportReport
@@ -46,6 +47,7 @@ from .exporting import material_frictions as material_frictions
 from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
 from .exporting import prepare as prepare
+from .exporting import refused_folder as refused_folder
 from .exporting import world_friction as world_friction
 from .heightfield import Bounds as Bounds
 from .heightfield import Heightfield as Heightfield

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     FOREIGN_FAILURES,
+    MAX_NAME,
     RecipeError,
     Spec,
     failure_words,
     hint_at,
+    is_listed_name,
     load_plugin,
     plugins,
     skip_plugin,
@@ -32,6 +34,11 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 EXPORTERS = "terrain_forge.exporters"
+RESERVED = {
+    *("world", "truth", "paths", "validation", "dataset"),
+    *("manifest.json", "timings.json", "report.html", "preview.png"),
+}
+"""Names in a world's folder that no export may have, in any case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +142,16 @@ class Exporter(Protocol):
         """
 
 
+def refused_folder(name: str) -> str:
+    """Why an export's folder, or an exporter, must not have a name; empty if it may."""
+    if name.lower() in RESERVED:
+        return f"{name!r} is part of every world, choose another name"
+    if is_listed_name(name):
+        return ""
+    allowed = f"up to {MAX_NAME} characters without / \\ : commas, a leading dot or control ones"
+    return f"{name[:MAX_NAME]!r} cannot name a folder, choose another name: {allowed}"
+
+
 def exporter_names() -> list[str]:
     """Names of the exporters that are installed, working or not."""
     return sorted(plugins(EXPORTERS))
@@ -150,8 +167,9 @@ def exporter(name: str) -> Exporter:
     if name not in found:
         installed = f"installed: {', '.join(sorted(found))}"
         raise RecipeError(f"unknown exporter {name!r}{hint_at(name, found)}, {installed}")
-    module = load_plugin(found[name], EXPORTERS)
-    if module is not None:
+    if refused := refused_folder(name):
+        skip_plugin(found[name], EXPORTERS, refused)
+    elif module := load_plugin(found[name], EXPORTERS):
         missing = [part for part in ("Options", "export") if part not in dir(module)]
         if not missing and is_dataclass(module.Options):
             return cast(Exporter, module)

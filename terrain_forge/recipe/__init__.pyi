@@ -1,7 +1,6 @@
 """The recipe: its schema, reading it, its input files and its limits."""
 
 from .dataset import DatasetSpec as DatasetSpec
-from .exports import RESERVED as RESERVED
 from .exports import ExportOrder as ExportOrder
 from .exports import export_orders as export_orders
 from .file import RecipeFile as RecipeFile

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from terrain_forge.base import RecipeError, complaint, dotted
-from terrain_forge.model import Exporter, exporter, options_adapter
+from terrain_forge.model import Exporter, exporter, options_adapter, refused_folder
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -22,13 +22,6 @@ class ExportOrder:
     kind: str
     exporter: Exporter
     options: Any
-
-
-RESERVED = {
-    *("world", "truth", "paths", "validation", "dataset"),
-    *("manifest.json", "timings.json", "report.html", "preview.png"),
-}
-"""Names in a world's folder that no export may have, in any case."""
 
 
 def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
@@ -57,8 +50,8 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
 
 def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
     key = ("exports", folder)
-    if folder.lower() in RESERVED:
-        raise RecipeError(f"{folder!r} is part of every world, choose another name", key=key)
+    if refused := refused_folder(folder):
+        raise RecipeError(refused, key=key)
     kind = options.pop("kind", folder)
     if not isinstance(kind, str):
         raise RecipeError(f"must be the name of an exporter, found {kind!r}", key=(*key, "kind"))

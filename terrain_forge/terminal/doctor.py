@@ -14,7 +14,7 @@ from importlib.metadata import EntryPoint, PackageNotFoundError, version
 from pathlib import Path
 
 from terrain_forge import __version__
-from terrain_forge.base import size_text, skipped, their_plugins
+from terrain_forge.base import brought, size_text, skipped, their_plugins
 
 _PACKAGES = (
     *("numpy", "scipy", "numba", "rasterio", "pydantic", "embreex", "mujoco", "usd-core"),
@@ -170,7 +170,11 @@ def _find_all(also: Sequence[Callable[[], object]]) -> None:
 def _part(point: EntryPoint) -> str:
     """Whether a plugin works, where it is, and why not."""
     why = "; ".join(skipped(point, point.group))
-    return f"not working ({point.value}): {why}" if why else f"works ({point.value})"
+    if why:
+        return f"not working ({point.value}): {why}"
+    used = sorted(brought(point))
+    named = f" as {', '.join(used)}" if used and used != [point.name] else ""
+    return f"works{named} ({point.value})"
 
 
 def _python(module: str, variable: str) -> str:

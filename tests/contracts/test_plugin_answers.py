@@ -17,6 +17,9 @@ leaver = leaving_exporter
 splitter = splitting_exporter
 strayer = straying_exporter
 ending = ending_exporter
+truth = liar_exporter
+../evil = liar_exporter
+a,b = liar_exporter
 [terrain_forge.layers]
 odd = odd_layer
 typo = typo_layer
@@ -310,6 +313,27 @@ def test_a_section_that_cannot_be_shown_is_left_out_and_the_world_is_kept(instal
         assert why in line, line
 
 
+UNNAMED = (
+    "cannot name a folder, choose another name: up to 100 characters without / \\ : commas, "
+    "a leading dot or control ones"
+)
+
+
+@pytest.mark.parametrize("name", ["truth", "../evil"])
+def test_an_exporter_whose_name_can_be_no_folder_is_refused(installed, tmp_path, name):
+    path = tmp_path / "odd.yaml"
+    text = RECIPE.replace("EXPORTS", f"{{x: {{kind: {name}}}}}")
+    path.write_text(text.replace("LAYERS", "").replace("ROCKS", "").replace("PATHS", ""))
+    with fresh(installed):
+        named = run("build", path, "-o", tmp_path / "out")
+        only = run("build", path, "-o", tmp_path / "out", "--only", name)
+    for done in (named, only):
+        assert done.returncode == 2, done.stderr
+        assert "choose another name" in done.complaints[-1]
+    assert not list(tmp_path.glob("*evil*"))
+    assert not (tmp_path / "out").exists()
+
+
 def test_doctor_lists_the_parts_of_others(installed):
     with fresh(installed, anew=True):
         done = run("doctor")
@@ -319,9 +343,13 @@ def test_doctor_lists_the_parts_of_others(installed):
         "layer odd works (odd_layer)",
         "layer typo not working (typo_layer): Typo has not `kind: Literal['tpyo'] = 'tpyo'`",
         "size law odd works (odd_law)",
-        "check odd works (odd_check)",
+        "check odd works as leaver, none, odd, thief (odd_check)",
         "report section odd not working (odd_section): Placed has place = '46', which is no int",
         "layer misnamed not working (odd_layer): nothing is looked for in terrain_forge.layer",
+        "exporter truth not working (liar_exporter): 'truth' is part of every world, "
+        "choose another name",
+        f"exporter ../evil not working (liar_exporter): '../evil' {UNNAMED}",
+        f"exporter a,b not working (liar_exporter): 'a,b' {UNNAMED}",
         "exporter gone not working (gone_exporter): No module named 'a_module_that_nobody_has'",
     ):
         assert line in lines, done.stdout

@@ -24,6 +24,7 @@ SAND = [
     "      diameter_m: [0.01, 0.02]",
 ]
 WRONG = [
+    (["  'a,b': {kind: usd}"], 7, "exports.a,b", "'a,b' cannot name a folder"),
     (["  usd: {}", "  Stage: {kind: usd}"], 8, "exports.Stage", "same options as 'usd'"),
     (["  a: {kind: usd}", "  A: {kind: glb}"], 8, "exports.A", "the same, case aside"),
     (["  usd: {kind: 3}"], 7, "exports.usd.kind", "must be the name of an exporter, found 3"),
