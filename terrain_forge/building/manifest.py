@@ -5,12 +5,9 @@ from __future__ import annotations
 import errno
 import json
 import os
-import platform
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path, PurePosixPath
 from typing import Any, NoReturn
 
@@ -24,12 +21,12 @@ from terrain_forge.base import (
     write_whole,
 )
 from terrain_forge.dtm import origin
-from terrain_forge.model import Export, Site
+from terrain_forge.model import MANIFEST, MAX_MANIFEST, Export, Site, made_with
 from terrain_forge.recipe import sha256
 
 Manifest = dict[str, Any]
 """What a manifest holds, as JSON."""
-NAME = "manifest.json"
+NAME = MANIFEST
 STAGING = ".terrain-forge"
 """Folder of a world in which something is being made, and ending of the one beside it."""
 LOCK, MARK = "lock", b"a terrain-forge is or was at work here\n"
@@ -39,12 +36,6 @@ WHOLE = "whole"
 FORMAT = 2
 WORLD = "world"
 """What a folder holds whose manifest does not say."""
-MAX_MANIFEST = 2**28
-"""Bytes of a manifest."""
-_PACKAGES = (
-    *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
-    *("matplotlib", "pillow", "pydantic"),
-)
 _OF_THE_MACHINE = frozenset(
     {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EINTR}
 )
@@ -86,7 +77,7 @@ def write_manifest(
         "name": site.name,
         "seed": site.seed,
         "recipe": recipe,
-        "versions": _made_with(),
+        "versions": made_with(),
         "inputs": dict(site.inputs),
         **_origins(recipe["dtm"]),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
@@ -263,22 +254,6 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
         raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
-@cache
-def _made_with() -> dict[str, str]:
-    """Versions of what makes a world: libraries, and installed packages with parts for us."""
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        with suppress(PackageNotFoundError):
-            found[package] = version(package)
-    others = {
-        package.name: package.version
-        for package in distributions()
-        if any(point.group.startswith("terrain_forge.") for point in package.entry_points)
-    }
-    others.pop("terrain-forge", None)
-    return {**found, **dict(sorted(others.items()))}
-
-
 def all_files(directory: Path) -> list[str]:
     """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
     found = []
@@ -350,7 +325,7 @@ def folder_state(out: Path, manifest: Manifest, *renewed: str) -> FolderState:
     kept = (name for name in altered if not name.startswith(renewed or "\0"))
     made_by = manifest.get("terrain_forge"), manifest.get("versions")
     return FolderState(
-        intact=not any(kept) and made_by == (__version__, _made_with()),
+        intact=not any(kept) and made_by == (__version__, made_with()),
         altered={name: wanted for name, wanted in altered.items() if not name.startswith(anew)},
         foreign=tuple(name for name in foreign if not name.startswith(renewed or "\0")),
         assessment=tuple(

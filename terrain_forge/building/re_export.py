@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import OutputError, RecipeError
-from terrain_forge.model import World
+from terrain_forge.model import World, packages_gone
 from terrain_forge.recipe import ExportOrder, Recipe, export_orders
 
 
@@ -53,6 +53,18 @@ def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[Ex
         raise _refused(out, error) from None
 
 
+def readable_recipe(world: World, out: Path) -> Recipe:
+    """The recipe of the world in a built folder.
+
+    Raises:
+        OutputError: if this version does not read it; names packages that are not installed.
+    """
+    try:
+        return world.site.recipe
+    except RecipeError as error:
+        raise _refused(out, error) from None
+
+
 def require_readable_recipe(world: World, out: Path) -> None:
     """Refuse a world whose recipe, or an export of it, this version does not read.
 
@@ -67,7 +79,9 @@ def require_readable_recipe(world: World, out: Path) -> None:
 
 def _refused(out: Path, error: RecipeError) -> OutputError:
     what = ": ".join(filter(None, [".".join(map(str, error.key)), str(error)]))
+    gone = packages_gone(out)
+    needed = f"{gone}, with which it was built" if gone else "the package that it was built with"
     return OutputError(
-        f"{out}: this version refuses the recipe of that world, {what}; install the package that "
-        "it was built with, or build it anew"
+        f"{out}: this version refuses the recipe of that world, {what}; install {needed}, or "
+        "build it anew"
     )

@@ -59,6 +59,10 @@ from .inputs import Image as Image
 from .inputs import Orthoimage as Orthoimage
 from .inputs import Table as Table
 from .known_bodies import BODIES as BODIES
+from .made_with import MANIFEST as MANIFEST
+from .made_with import MAX_MANIFEST as MAX_MANIFEST
+from .made_with import made_with as made_with
+from .made_with import packages_gone as packages_gone
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
 from .mesh import box_projection as box_projection

@@ -16,6 +16,7 @@ from terrain_forge.base import OutputError, Record, from_plain, read_arrays, rea
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.horizon import Horizon
+from terrain_forge.model.made_with import packages_gone
 from terrain_forge.model.plot import html, plot_world
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover
@@ -179,8 +180,10 @@ class World(Record):
             raise
         except Exception as error:  # a record stumbles over whatever stands there
             why = " ".join(str(error).split()) or type(error).__name__
+            gone = packages_gone(Path(directory))
+            hint = f"; install {gone}, with which it was built" if gone else ""
             raise OutputError(
-                f"{directory}: holds no readable terrain-forge world ({why})"
+                f"{directory}: holds no readable terrain-forge world ({why}){hint}"
             ) from None
 
 

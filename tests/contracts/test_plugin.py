@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import rasterio
 
+from terrain_forge.base import OutputError
+from terrain_forge.model import World, packages_gone
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 from tests.helpers.plugins import fresh, install
@@ -132,6 +134,7 @@ def test_options_and_losses(built):
     assert points.shape == (13 * 9, 3)
     manifest = json.loads((built / "manifest.json").read_text())
     assert manifest["versions"]["example"] == "1.0"
+    assert packages_gone(built) == "broken 1.0, example 1.0"
     assert "terrain-forge" not in manifest["versions"]
     thin = manifest["exports"]["thin"]
     assert (thin["kind"], thin["options"]) == ("xyz", {"separator": "comma", "every": 2})
@@ -173,6 +176,30 @@ def test_a_foreign_export_is_verified_and_opened_like_ours(installed, built, tmp
         assert run("validate", out, "--quick").returncode == 1
     failing = {check["name"] for check in report(out)["checks"] if not check["passed"]}
     assert failing >= {"files: missing or altered", "thin: ground"}
+
+
+GONE = "install broken 1.0, example 1.0, with which it was built"
+
+
+@pytest.mark.parametrize("command", [["validate"], ["export", "--only", "geotiff"], ["record"]])
+def test_a_world_names_the_packages_that_are_gone(built, tmp_path, command):
+    """Here, where they are not installed."""
+    out = shutil.copytree(built, tmp_path / "out")
+    done = run(command[0], out, *command[1:])
+    assert done.returncode == 2, done.stderr
+    assert "unknown kind 'terraces'" in done.complaints[-1]
+    assert done.complaints[-1].endswith(f"; {GONE}, or build it anew")
+
+
+def test_a_world_of_records_that_are_gone_names_their_packages(built, tmp_path):
+    out = shutil.copytree(built, tmp_path / "out")
+    world = out / "world" / "world.json"
+    world.write_text(world.read_text().replace('"record": "Wheel"', '"record": "Ski"'))
+    with pytest.raises(OutputError, match=rf"Ski: .* is not installed\); {GONE}$"):
+        World.load(out)
+    (out / "manifest.json").write_text("{}")
+    with pytest.raises(OutputError, match=r"is not installed\)$"):
+        World.load(out)
 
 
 def report(out):

@@ -1,0 +1,59 @@
+"""The software that a world is made with, as its manifest has it, and what of it is not here."""
+
+from __future__ import annotations
+
+import json
+import platform
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distributions, version
+from pathlib import Path
+
+from terrain_forge.base import DataError, read_text
+
+MANIFEST = "manifest.json"
+"""File of a built folder that says what it was made from."""
+MAX_MANIFEST = 2**28
+"""Bytes of a manifest."""
+_LIBRARIES = (
+    *("numpy", "scipy", "numba", "rasterio", "manifold3d", "embreex", "mujoco", "usd-core"),
+    *("matplotlib", "pillow", "pydantic"),
+)
+
+
+@cache
+def made_with() -> dict[str, str]:
+    """Versions of what makes a world: libraries, and installed packages with parts for us."""
+    found = {"python": platform.python_version()}
+    for package in _LIBRARIES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    others = {
+        package.name: package.version
+        for package in distributions()
+        if any(point.group.startswith("terrain_forge.") for point in package.entry_points)
+    }
+    others.pop("terrain-forge", None)
+    return {**found, **dict(sorted(others.items()))}
+
+
+def packages_gone(directory: Path) -> str:
+    """Packages with parts for us that a built folder was made with and that are not installed here.
+
+    In words, such as `dykes 0.1, terraces 1.0`; empty where its manifest tells of none.
+    """
+    try:
+        manifest = json.loads(read_text(directory / MANIFEST, MANIFEST, most=MAX_MANIFEST))
+        versions = dict(manifest["versions"])
+    except (DataError, OSError, ValueError, LookupError, TypeError, RecursionError):
+        return ""
+    theirs = {*versions} - {"python", *_LIBRARIES}
+    return ", ".join(f"{name} {versions[name]}" for name in sorted(theirs) if not _is_here(name))
+
+
+def _is_here(package: str) -> bool:
+    try:
+        version(package)
+    except (PackageNotFoundError, ValueError):  # ValueError: no name at all
+        return False
+    return True
