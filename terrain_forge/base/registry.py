@@ -306,10 +306,10 @@ def _first_of_each(
     """The first of each name, but for names that are taken; warns of the others."""
     found: dict[str, tuple[Any, str]] = {name: (None, "terrain_forge") for name in taken}
     for name, member, module, point in named:
-        first, where = found.setdefault(name, (member, module))
-        if point is not None and first is member:
+        if name not in found and point is not None:
             _brought.setdefault((group, point.name, point.value), {})[name] = None
-        elif point is not None:
+        first, where = found.setdefault(name, (member, module))
+        if first is not member and point is not None:
             _skip_twin(point, group, name, module, f"{where} has that {what}")
     return {name: first for name, (first, _) in found.items() if first is not None}
 

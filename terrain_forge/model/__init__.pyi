@@ -59,10 +59,6 @@ from .inputs import Image as Image
 from .inputs import Orthoimage as Orthoimage
 from .inputs import Table as Table
 from .known_bodies import BODIES as BODIES
-from .made_with import MANIFEST as MANIFEST
-from .made_with import MAX_MANIFEST as MAX_MANIFEST
-from .made_with import made_with as made_with
-from .made_with import packages_gone as packages_gone
 from .mesh import Mesh as Mesh
 from .mesh import TexturedMesh as TexturedMesh
 from .mesh import box_projection as box_projection
@@ -72,6 +68,10 @@ from .orbit import Ephemeris as Ephemeris
 from .orbit import KeplerOrbit as KeplerOrbit
 from .orbit import Rotation as Rotation
 from .orbit import SatelliteOrbit as SatelliteOrbit
+from .packages import MANIFEST as MANIFEST
+from .packages import MAX_MANIFEST as MAX_MANIFEST
+from .packages import made_with as made_with
+from .packages import packages_gone as packages_gone
 from .plot import html as html
 from .plot import html_picture as html_picture
 from .plot import plot_area as plot_area

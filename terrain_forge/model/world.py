@@ -16,7 +16,7 @@ from terrain_forge.base import OutputError, Record, from_plain, read_arrays, rea
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.horizon import Horizon
-from terrain_forge.model.made_with import packages_gone
+from terrain_forge.model.packages import packages_gone
 from terrain_forge.model.plot import html, plot_world
 from terrain_forge.model.rocks import RockField, RockLibrary, merge, owned, touches
 from terrain_forge.model.rover import Rover

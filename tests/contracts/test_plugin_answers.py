@@ -31,6 +31,8 @@ odd = odd_shape
 odd = odd_check
 [terrain_forge.report_sections]
 odd = odd_section
+[terrain_forge.bodies]
+rock = rock_body
 [terrain_forge.layer]
 misnamed = odd_layer
 """
@@ -124,6 +126,9 @@ MODULES = {
     + "class Leaver(Nan):\n    kind = 'leaver'\n"
     + "    def checks(self, built): exit(0)\n"
     + "    def report(self): return {}\n",
+    "rock_body.py": "import dataclasses\n"
+    + "from terrain_forge.model.bodies.mercury import MERCURY\n"
+    + "ROCK = dataclasses.replace(MERCURY, name='rock')\n",
     "odd_section.py": "from terrain_forge.report import Block, Section, facts, heading\n"
     + "class Good(Section):\n    kind, title, place = 'good', 'Good', 46\n"
     + "    def blocks(self, built): return (facts([('good', 'kept')]) for _ in range(2))\n"
@@ -344,6 +349,7 @@ def test_doctor_lists_the_parts_of_others(installed):
         "layer typo not working (typo_layer): Typo has not `kind: Literal['tpyo'] = 'tpyo'`",
         "size law odd works (odd_law)",
         "check odd works as leaver, none, odd, thief (odd_check)",
+        "body rock works (rock_body)",
         "report section odd not working (odd_section): Placed has place = '46', which is no int",
         "layer misnamed not working (odd_layer): nothing is looked for in terrain_forge.layer",
         "exporter truth not working (liar_exporter): 'truth' is part of every world, "
