@@ -42,8 +42,10 @@ ADVICE = (
 class Options(Spec):
     """Options of the Drake export."""
 
-    bytes_each: ClassVar[tuple[float, float]] = (240, 3500)
+    bytes_each: ClassVar[tuple[float, float]] = (180, 700)
     """About how many bytes it writes for each node of the ground and each rock."""
+    bytes_each_face: ClassVar[float] = 55
+    """About how many more it writes for each triangle of a rock."""
     kind: Literal["drake"] = "drake"
     """The exporter, where the export's folder has another name."""
     individual_min_m: NotNegative = 0.5

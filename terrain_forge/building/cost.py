@@ -18,11 +18,13 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from tempfile import NamedTemporaryFile
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge import validation
-from terrain_forge.base import cache_folder, size_text
+from terrain_forge.base import cache_folder, size_text, to_plain
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
 from terrain_forge.recipe import (
@@ -57,6 +59,8 @@ PICTURES = 6e6
 """Bytes of an export's textures and horizon."""
 WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
 """Bytes of all but the exports, and what each node and rock adds to them."""
+DETAIL = 4
+"""Bytes that a world keeps for each pixel of a detail image, beside the image itself."""
 HELD, DRIVEN = 0.4, 0.15e9
 """Memory for each byte of an export, and for driving [bytes]."""
 CALIBRATED = 0.021
@@ -155,7 +159,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     recipe = site.recipe
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    exported = _exported(orders, nodes, rocks)
+    exported = _exported(orders, site)
     written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
     read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, validation.MOST_WATCHED) * WATCHING if dynamic else 0.0
@@ -176,17 +180,33 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     return {stage: slower * parts.get(stage, 1.0) * seconds for stage, seconds in stages.items()}
 
 
-def export_bytes(order: ExportOrder, *, nodes: float, rocks: float) -> float:
-    """About how large an export becomes [bytes]."""
-    each_node, each_rock = getattr(order.options, "bytes_each", OTHER_SIZE)
-    return each_node * nodes + each_rock * rocks
+def export_bytes(order: ExportOrder, site: Site) -> float:
+    """About how large an export of a site becomes, but for pictures and horizon [bytes]."""
+    options, recipe = order.options, site.recipe
+    each_node, each_rock = getattr(options, "bytes_each", OTHER_SIZE)
+    each_rock += getattr(options, "bytes_each_face", 0) * recipe.rocks.library.coarse_faces
+    return float(each_node * expected_nodes(recipe) + each_rock * rocks_of(site))
 
 
-def _exported(orders: Sequence[ExportOrder], nodes: float, rocks: float) -> float:
+def _exported(orders: Sequence[ExportOrder], site: Site) -> float:
     """Bytes of all exports."""
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
-    each = (export_bytes(order, nodes=nodes, rocks=rocks) for order in orders)
-    return PICTURES * pictured + sum(each)
+    each_texel = sum(getattr(order.options, "bytes_each_texel", 0) for order in orders)
+    each = (export_bytes(order, site) for order in orders)
+    return PICTURES * pictured + each_texel * _detail_texels(site) + sum(each)
+
+
+def _site_bytes(site: Site) -> float:
+    """Bytes that a world keeps of what its site was planned from: images, heights, tables."""
+    arrays: dict[str, NDArray[Any]] = {}
+    to_plain(site, arrays)
+    return DETAIL * _detail_texels(site) + sum(array.nbytes for array in arrays.values())
+
+
+def _detail_texels(site: Site) -> int:
+    """Pixels of the recipe's detail image, where it has one."""
+    detail = site.recipe.terrain.appearance.detail
+    return min(site.image(detail.image).shape) ** 2 if detail else 0
 
 
 def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
@@ -195,8 +215,8 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
-    exported = _exported(orders, nodes, rocks)
-    disk = WORLD_SIZE + WORLD_SIZES[0] * nodes + WORLD_SIZES[1] * rocks + exported
+    exported = _exported(orders, site)
+    disk = WORLD_SIZE + _sum(WORLD_SIZES, (nodes, rocks)) + _site_bytes(site) + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
     if recipe.tiles is not None:
@@ -216,7 +236,7 @@ def series_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     """What the many worlds of a recipe cost, of which each is made without page and validation."""
     recipe = site.recipe
     amounts = 1.0, expected_nodes(recipe), rocks_of(site)
-    exported = sum(export_bytes(order, nodes=amounts[1], rocks=amounts[2]) for order in orders)
+    exported = sum(export_bytes(order, site) for order in orders)
     seconds = _sum(SERIES_TIME, amounts) + exported * WRITING
     size = _sum(SERIES_SIZE, amounts) + exported
     each, count = pace() * seconds, recipe.worlds.count if recipe.worlds else 1

@@ -43,7 +43,7 @@ from terrain_forge.model import CustomMesh, Mesh, RockLibrary, RockPrototype, bo
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.shapes.carving import Sphere, carve, carve_close, levels_of_detail
 from terrain_forge.rocks.shapes.collision import collision_parts
-from terrain_forge.rocks.shapes.families import FAMILIES, Family
+from terrain_forge.rocks.shapes.families import COARSE_FACES, FAMILIES, Family
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import hausdorff_distance, mass_properties
 from terrain_forge.rocks.shapes.texture import rock_surface
@@ -140,6 +140,12 @@ class LibrarySpec(Spec):
         if not self.meshes:
             return None
         return replace(self, shapes=0) if self.is_tight or self.sample() != self else self
+
+    @property
+    def coarse_faces(self) -> float:
+        """About how many triangles a rock of its families has where it is merged with others."""
+        taken = [self.families[n % len(self.families)] for n in range(max(self.shapes, 1))]
+        return float(np.mean([COARSE_FACES[family] for family in taken]))
 
     def family_names(self) -> tuple[str, ...]:
         """The families that the library has shapes of, each once."""

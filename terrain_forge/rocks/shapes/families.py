@@ -163,6 +163,10 @@ def breccia(random: Generator) -> Blank:
 _ALL = (block, slab, cobble, vesicular, ventifact, breccia)
 FAMILIES: dict[str, Callable[[Generator], Blank]] = {family.__name__: family for family in _ALL}
 """The shape families by the name that a recipe uses."""
+COARSE_FACES = {
+    "block": 210, "slab": 316, "cobble": 316, "vesicular": 1920, "ventifact": 106, "breccia": 1380
+}  # fmt: skip
+"""About how many triangles a shape of each family keeps for an error of its outline of 0.03."""
 
 
 def _axes(random: Generator, *, flatness: tuple[float, float]) -> Array:
