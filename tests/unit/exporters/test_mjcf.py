@@ -1,5 +1,5 @@
-import sys
 import xml.etree.ElementTree as ET
+from importlib import import_module
 
 import mujoco
 import numpy as np
@@ -79,7 +79,7 @@ def test_a_window_away_from_the_centre_lies_where_it_should(world, tmp_path):
 
 
 def test_a_ground_of_several_fields_is_one_ground(world, tmp_path, monkeypatch):
-    module = sys.modules["terrain_forge.exporters.mjcf.writing"]
+    module = import_module("terrain_forge.exporters.mjcf.writing")
     monkeypatch.setattr(module, "_LARGEST_FIELD", 32)
     folder = export(world, tmp_path)
     model, _ = load(folder)
@@ -309,18 +309,18 @@ def test_blocks_are_the_ground(loosened, tmp_path):
 
 
 def test_too_many_wide_rocks_or_geoms_are_refused_with_a_way_out(loosened, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["terrain_forge.exporters.mjcf.blocks"], "MOST", 5)
+    monkeypatch.setattr(import_module("terrain_forge.exporters.mjcf.blocks"), "MOST", 5)
     with pytest.raises(ExportError, match=r"height fields, at most 5.*split_ground: false"):
         export(loosened, tmp_path)
     export(loosened, tmp_path, split_ground=False)
-    room = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    room = import_module("terrain_forge.exporters.mjcf.losses")
     monkeypatch.setattr(room, "MOST_GEOMS", 30)
     with pytest.raises(ExportError, match=r"40 rocks make \d+ geoms to touch.*at most.*diameter_m"):
         export(loosened, tmp_path)
 
 
 def test_larger_visual_min_m_makes_fewer_geoms(loosened, tmp_path, monkeypatch):
-    room = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    room = import_module("terrain_forge.exporters.mjcf.losses")
     field = loosened.field
     least = room.count_geoms(loosened, Options(visual_min_m=99.0))
     assert least == (40, field.dynamic.sum())
@@ -333,7 +333,7 @@ def test_larger_visual_min_m_makes_fewer_geoms(loosened, tmp_path, monkeypatch):
 
 
 def test_exact_scales_are_refused_and_told_by_what_they_cost(world, tmp_path, monkeypatch):
-    losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    losses = import_module("terrain_forge.exporters.mjcf.losses")
     monkeypatch.setattr(losses, "MANY_MESHES", 10)
     options = Options(exact_scale=True)
     told = " ".join(losses.list_losses(world, options))
@@ -546,7 +546,7 @@ def test_a_steep_ground_keeps_its_heights(world, tmp_path):
 
 def test_dynamic_rocks_that_are_slower_than_real_time_are_told(world):
     """81 of them take 2.03 ms of a step of 2 ms."""
-    losses = sys.modules["terrain_forge.exporters.mjcf.losses"]
+    losses = import_module("terrain_forge.exporters.mjcf.losses")
     field = world.field.select(np.zeros(81, np.int64))
     for count, step, sleep, told in ((81, 2, False, True), (81, 2, True, False),
                                      (80, 2, False, False), (41, 1, False, True)):  # fmt: skip
