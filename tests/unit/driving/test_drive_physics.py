@@ -221,12 +221,13 @@ def test_motors_too_weak_for_a_slope_are_told(tmp_path):
     elevation = np.broadcast_to(rise, world.ground.shape)
     world = world.replace(
         ground=world.ground.replace(elevation=elevation),
-        rover=world.rover.replace(torque_limit=0.6),
+        rover=world.rover.replace(torque_limit=0.6, steering=("fork",)),
     )
     result = drive_through(world, tmp_path)
     assert not result.completed
     assert result.reason.startswith("stuck")
     assert "motors at their torque limit" in result.reason
+    assert result.reason.endswith("joints that steer are held (fork)")
     assert result.saturated > 0.5
     assert np.abs(result.wheel_torque).max() <= 0.6 + 1e-9
 
