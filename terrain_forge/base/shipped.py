@@ -20,7 +20,7 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from zipfile import ZIP_LZMA, ZipFile
+from zipfile import ZIP_LZMA, BadZipFile, ZipFile
 
 import llvmlite
 import numba
@@ -37,11 +37,9 @@ _HOLDS_FOR = "holds_for.json"
 
 def unpack() -> bool:
     """Put the kernels that were brought along into the cache, if they hold here."""
-    if not _archive().is_file() or not _runs_here():
+    if not _runs_here() or not _holds():
         return False
     with ZipFile(_archive()) as archive:
-        if json.loads(archive.read(_HOLDS_FOR)) != _conditions():
-            return False
         for entry in archive.namelist():
             if entry != _HOLDS_FOR:
                 name, signature, code = pickle.loads(archive.read(entry))
@@ -52,7 +50,12 @@ def unpack() -> bool:
 
 
 def write() -> Path:
-    """Compile all listed kernels for other processors too, and write them beside this file."""
+    """Compile all listed kernels for other processors too, and write them beside this file.
+
+    Those that are there and hold stay.
+    """
+    if _holds():
+        return _archive()
     with tempfile.TemporaryDirectory() as folder:
         own = {"NUMBA_CACHE_DIR": folder, "NUMBA_CPU_NAME": TARGET, "NUMBA_CPU_FEATURES": ""}
         command = [sys.executable, "-m", "terrain_forge.base.shipped", "compile"]
@@ -87,6 +90,15 @@ def _archive() -> Path:
     return HERE / f"kernels-{sys.implementation.cache_tag}-{sysconfig.get_platform()}.zip"
 
 
+def _holds() -> bool:
+    """Whether kernels were brought along, and for what this runs with."""
+    try:
+        with ZipFile(_archive()) as archive:
+            return bool(json.loads(archive.read(_HOLDS_FOR)) == _conditions())
+    except (OSError, BadZipFile, LookupError, ValueError):
+        return False
+
+
 def _runs_here() -> bool:
     """Whether this is the processor that numba compiles for, and it has what the code uses."""
     if settings.CPU_NAME not in (None, "", TARGET, binding.get_host_cpu_name()):
@@ -97,7 +109,7 @@ def _runs_here() -> bool:
 
 def _conditions() -> dict[str, str]:
     """What machine code and its wrapping depend on."""
-    sources = sha256()
+    sources = sha256(json.dumps(signatures(), sort_keys=True).encode())
     for room in sorted({name.split(".")[1] for name in signatures()} | {"base", "model"}):
         found = find_spec(f"terrain_forge.{room}")  # a checkout keeps some elsewhere
         assert found is not None
