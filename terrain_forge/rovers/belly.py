@@ -13,12 +13,15 @@ from terrain_forge.rovers.tread import outline
 _TOUCHES = 0.05
 """Height over the smallest wheel's radius up to which a part rests on the ground: a caster, a
 skid."""
+_DRAGGED = 0.25
+"""Height of what such a part is dragged over, as a part of its own."""
 
 
 def measure_belly(bodies: Iterable[Body], *, radius: float, step_limit: float | None) -> float:
     """Free height under the body [m], by what collides of it, else by what is seen.
 
-    Parts that rest on the ground are no measure of it.
+    A part that rests on the ground is dragged over what is a quarter as high as itself, where a
+    ball is met at 60° from below; what is higher holds it.
 
     Args:
         bodies: What the body consists of, in base_link's frame.
@@ -29,16 +32,17 @@ def measure_belly(bodies: Iterable[Body], *, radius: float, step_limit: float | 
         DataError: if no part is above the ground and the recipe does not tell the step limit.
     """
     solids = [(body, pose, shape) for body in bodies for pose, shape in body.solids]
-    lows = []
+    spans = []
     for body, pose, shape in [one for one in solids if one[2].collides] or solids:
         placed = portable.product(body.placement, pose)
-        points = outline(shape, placed[:3, :3], placed[:3, 3])
-        lows.append((float(np.min(points[:, 2])), body.name))
-    above = [low for low, _ in lows if low > _TOUCHES * radius]
+        heights = outline(shape, placed[:3, :3], placed[:3, 3])[:, 2]
+        spans.append((float(np.min(heights)), float(np.max(heights)), body.name))
+    above = [low for low, _, _ in spans if low > _TOUCHES * radius]
+    dragged = [_DRAGGED * (high - low) for low, high, _ in spans if low <= _TOUCHES * radius]
     if above:
-        return min(above)
+        return min(above + dragged)
     if step_limit is None:
-        why = f"the lowest collider is {min(lows)[1]}" if lows else "the body has no shape"
+        why = f"the lowest collider is {min(spans)[2]}" if spans else "the body has no shape"
         raise DataError(
             f"no part of the body is above the ground, {why}: its clearance is unknown; give "
             "rover.step_limit_m",

@@ -15,10 +15,12 @@ def two_wheels(tmp_path, *, caster_m, chassis_m=0.05, **choices):
 
 
 @pytest.mark.parametrize("caster_m", [0.0, -0.004, 0.009])
-def test_parts_that_rest_on_the_ground_are_no_measure_of_clearance(tmp_path, caster_m):
-    rover = two_wheels(tmp_path, caster_m=caster_m)
-    assert rover.clearance == pytest.approx(0.05)
-    assert highest_step(rover) == pytest.approx(0.05)
+@pytest.mark.parametrize(("chassis_m", "clearance"), [(0.04, 0.04), (0.15, 0.05)])
+def test_parts_that_rest_on_the_ground_are_dragged(tmp_path, caster_m, chassis_m, clearance):
+    """The ball of 0.2 m over 0.05 m, unless the chassis is lower."""
+    rover = two_wheels(tmp_path, caster_m=caster_m, chassis_m=chassis_m)
+    assert rover.clearance == pytest.approx(clearance)
+    assert highest_step(rover) == pytest.approx(clearance)
 
 
 def test_low_parts_that_do_not_touch_are_the_clearance(tmp_path):
