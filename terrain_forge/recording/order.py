@@ -38,8 +38,9 @@ class Order:
     @property
     def span(self) -> tuple[int, int]:
         """The time that is recorded [ns]."""
-        last = _EVER if self.end is None else round(self.end * NANOSECONDS)
-        return round(self.begin * NANOSECONDS), last
+        last = np.inf if self.end is None else self.end
+        begin, end = (round(min(time * NANOSECONDS, _EVER)) for time in (self.begin, last))
+        return begin, end
 
     def require(self) -> None:
         """Refuse times and numbers that no recording has.

@@ -7,6 +7,7 @@ import pytest
 from terrain_forge.base import RecipeError
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
+from terrain_forge.recording import Order
 from terrain_forge.rovers import built_in_rovers, find_rover
 from terrain_forge.sensors import require_free
 from tests.helpers.command_line import run
@@ -90,3 +91,9 @@ def test_options_of_formats_are_refused_with_file_and_line(option, message, tmp_
     if message:
         key = f"dataset.formats.rosbag2.{option.partition(':')[0]}"
         assert re.search(rf"early.yaml:16: {key}: .*{message}", done.complaints[0])
+
+
+@pytest.mark.parametrize("end", [1e10, 1.7e308, float("inf")])
+def test_a_recording_may_end_at_any_time_after_the_motion(end):
+    assert Order(end=end).span == Order().span
+    assert Order(end=2.5).span == (0, 2_500_000_000)
