@@ -27,13 +27,7 @@ from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
-from terrain_forge.tiling.order import (
-    TileOrder,
-    is_site,
-    require_plain,
-    require_same_order,
-    save_order,
-)
+from terrain_forge.tiling.order import TileOrder, is_site, require_plain, save_order
 from terrain_forge.tiling.page import write_page
 from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
@@ -113,7 +107,6 @@ def build_tiles(
     if tiles is not None and tiles.parquet:
         require_parquet()
     require_plain(out) if is_site(out) else require_paths_begin(order)
-    require_same_order(order)
 
     def left() -> str:
         count = len(order.grid)

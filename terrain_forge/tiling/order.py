@@ -176,27 +176,23 @@ def _cells(site: Site) -> int:
     return cells
 
 
-def require_same_order(order: TileOrder) -> None:
-    """Refuse a folder that holds anything but the same order.
+def save_order(order: TileOrder) -> None:
+    """Write the order into its site's folder, which must be held, at once.
 
     Raises:
-        OutputError: says what it holds.
+        OutputError: if the folder holds anything but the same order.
     """
+    texts = _files(order)
     if is_site(order.out):
-        _require_same(order.out, _files(order))
-    elif order.out.exists() and any(path.name != STAGING for path in order.out.iterdir()):
+        _require_same(order.out, texts)
+        return
+    if any(path.name != STAGING for path in order.out.iterdir()):
         raise OutputError(
             f"{order.out} exists and is no site in tiles; remove it or choose another with -o"
         )
-
-
-def save_order(order: TileOrder) -> None:
-    """Write the order into its site's folder, which must be held, at once."""
-    if is_site(order.out):
-        return
     fresh = order.out / STAGING / FOLDER
     fresh.mkdir()
-    for name, content in _files(order).items():
+    for name, content in texts.items():
         (fresh / name).write_bytes(content)
     write_through(fresh)
     fresh.rename(order.out / FOLDER)
