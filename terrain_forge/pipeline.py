@@ -410,7 +410,7 @@ def record(
             building.read_manifest(place)
             watch("load")
             world = World.load(place)
-            building.readable_recipe(world, place)
+            building.require_readable_recipe(world, place, exports=False)
         if out is None:
             raise OutputError("a world in memory is recorded into a folder: name one as `out`")
         spec = replace(world.site.recipe.dataset or DatasetSpec(), **changes)

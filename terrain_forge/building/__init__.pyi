@@ -19,7 +19,6 @@ from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports
 from .re_export import re_export_orders as re_export_orders
-from .re_export import readable_recipe as readable_recipe
 from .re_export import require_readable_recipe as require_readable_recipe
 from .refusals import require_apart as require_apart
 from .refusals import require_folder as require_folder

@@ -53,26 +53,21 @@ def re_export_orders(world: World, out: Path, only: tuple[str, ...]) -> tuple[Ex
         raise _refused(out, error) from None
 
 
-def readable_recipe(world: World, out: Path) -> Recipe:
-    """The recipe of the world in a built folder.
-
-    Raises:
-        OutputError: if this version does not read it; names packages that are not installed.
-    """
-    try:
-        return world.site.recipe
-    except RecipeError as error:
-        raise _refused(out, error) from None
-
-
-def require_readable_recipe(world: World, out: Path) -> None:
+def require_readable_recipe(world: World, out: Path, *, exports: bool = True) -> None:
     """Refuse a world whose recipe, or an export of it, this version does not read.
 
+    Args:
+        world: The world in a built folder.
+        out: The folder.
+        exports: Whether its exports are wanted too.
+
     Raises:
-        OutputError: with what is refused.
+        OutputError: with what is refused; names packages that are not installed.
     """
     try:
-        export_orders(world.site.recipe)
+        recipe = world.site.recipe
+        if exports:
+            export_orders(recipe)
     except RecipeError as error:
         raise _refused(out, error) from None
 

@@ -65,7 +65,7 @@ def illumination(
     rocks or drawn detail. Of a world there is a film of its day too, with all that is in it.
     """
     from terrain_forge.base import resolved
-    from terrain_forge.building import read_manifest, readable_recipe, require_apart
+    from terrain_forge.building import read_manifest, require_apart, require_readable_recipe
     from terrain_forge.dtm import RasterDtm
     from terrain_forge.illumination import Source, Wish, illuminate
     from terrain_forge.making import plan
@@ -80,7 +80,7 @@ def illumination(
         if is_site(recipe):
             read_manifest(recipe)  # says what to do with it
         world = World.load(recipe)
-        readable_recipe(world, recipe)
+        require_readable_recipe(world, recipe, exports=False)
         target = out or Path(f"{world.site.name}_illumination")
         require_apart(resolved(target), [recipe])
         with Display(("land", "rays", "files", "view")) as display:
