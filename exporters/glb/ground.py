@@ -18,8 +18,10 @@ from terrain_forge.geometry import (
     grid_faces,
     grid_normals,
     grid_texture_coordinates,
+    horizon_detail,
+    horizon_surface,
 )
-from terrain_forge.model import GroundDetail, Heightfield, Tile
+from terrain_forge.model import GroundDetail, Heightfield, Horizon, Tile
 from terrain_forge.rocks import cells_near_paths
 from terrain_forge.writers import Gltf, encode_jpeg, encode_png
 
@@ -40,8 +42,9 @@ class SharedParts:
         self._gltf = gltf
         self._detail = detail
         self.shape = cache(self._add_shape)
+        self._soil = -1
         if detail:
-            self._normals = gltf.add_texture(encode_png(image_rows(detail.normals)), tiles=True)
+            self._soil = gltf.add_texture(encode_png(image_rows(detail.normals)), tiles=True)
 
     def normals(self, ground: Heightfield) -> dict[str, Any] | None:
         """The normal map of a tile's material, laid where it belongs, if there is one."""
@@ -50,7 +53,17 @@ class SharedParts:
         (along, across), (west, south) = detail_placement(ground, self._detail)
         # v runs down from the top of both images.
         place = {"scale": [along, across], "offset": [west, (1.0 - across - south) % 1.0]}
-        return {"index": self._normals, "extensions": {TRANSFORM: place}}
+        return {"index": self._soil, "extensions": {TRANSFORM: place}}
+
+    def beyond(self, horizon: Horizon) -> dict[str, Any]:
+        """What lies beyond the border as a piece of a mesh, with its material."""
+        surface, picture = horizon_surface(horizon)
+        laid = horizon_detail(horizon, self._detail) if self._detail else None
+        piece = self._gltf.add_surface(surface, bumps=laid)
+        soil = {"index": self._soil, "texCoord": 1} if self._detail else None
+        texture = self._gltf.add_texture(encode_png(picture), tiles=False)
+        look = matt("horizon", texture=texture, normals=soil)
+        return {**piece, "material": self._gltf.add("materials", look)}
 
     def _add_shape(self, rows: int, columns: int) -> tuple[int, int]:
         """Accessors of texture coordinates (v downwards, as in glTF) and of faces."""

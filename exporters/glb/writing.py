@@ -16,15 +16,14 @@ from terrain_forge.geometry import (
     PLACE_LOSS,
     close_loss,
     detail_loss,
-    horizon_surface,
     level_of_detail,
     mean_rock_colour,
     texture_loss,
     with_horizon_loss,
 )
-from terrain_forge.model import CLOSE, ExportReport, Horizon, Trajectory, World
+from terrain_forge.model import CLOSE, ExportReport, Trajectory, World
 from terrain_forge.rocks import path_pebbles, seen_close
-from terrain_forge.writers import LARGEST_FILE, Gltf, encode_png
+from terrain_forge.writers import LARGEST_FILE, Gltf
 
 from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, ground_tile, matt
 from .lights import EXTENSION, add_lights
@@ -54,13 +53,17 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             _moving_node(trajectory, gltf, node=1 + number)
             for number, trajectory in enumerate(world.trajectories)
         ]
-        tiles = _tiles(world, gltf, coarse, options)
+        shared = SharedParts(gltf, world.appearance.detail)
+        tiles = _tiles(world, gltf, coarse, shared, options)
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
         levels = np.where(fine, 0, coarse[single.prototype])
         levels[np.isin(single.id, seen_close(world, within=options.close_within_m))] = CLOSE
         rocks = node_texts(single, rock_meshes(world, single, gltf, levels))
-        beyond = _beyond(world.horizon, gltf) if options.horizon and world.horizon else []
+        beyond = []
+        if options.horizon and world.horizon:
+            piece = {"name": "horizon", "primitives": [shared.beyond(world.horizon)]}
+            beyond.append({"name": "horizon", "mesh": gltf.add("meshes", piece)})
         lights, shining = add_lights(world, gltf, options)
         fixed = [*paths, *shining, *tiles, *beyond]
         root = {
@@ -91,10 +94,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 
 
 def _tiles(
-    world: World, gltf: Gltf, coarse: NDArray[np.int64], options: Options
+    world: World, gltf: Gltf, coarse: NDArray[np.int64], shared: SharedParts, options: Options
 ) -> list[dict[str, Any]]:
     """Add the ground and the merged rocks, tile by tile; returns their nodes."""
-    shared = SharedParts(gltf, world.appearance.detail)
     shapes = [p.meshes[level] for p, level in zip(world.library.prototypes, coarse, strict=True)]
     nodes = []
     small = world.field.diameter < options.instances_min_m
@@ -111,16 +113,6 @@ def _tiles(
         nodes.append(ground_tile(tile, gltf, shared=shared, options=options))
         nodes += merged_rocks(tile, gltf, shapes=shapes, materials=materials)
     return nodes
-
-
-def _beyond(horizon: Horizon, gltf: Gltf) -> list[dict[str, Any]]:
-    """Add what lies beyond the border; returns its node."""
-    surface, picture = horizon_surface(horizon)
-    texture = gltf.add_texture(encode_png(picture), tiles=False)
-    material = gltf.add("materials", matt("horizon", texture=texture))
-    primitive = {**gltf.add_surface(surface), "material": material}
-    mesh = gltf.add("meshes", {"name": "horizon", "primitives": [primitive]})
-    return [{"name": "horizon", "mesh": mesh}]
 
 
 def _moving_node(trajectory: Trajectory, gltf: Gltf, *, node: int) -> dict[str, Any]:

@@ -19,9 +19,11 @@ from terrain_forge.geometry import (
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
+    horizon_detail,
     horizon_surface,
 )
 from terrain_forge.model import (
+    GroundDetail,
     Heightfield,
     Horizon,
     Tile,
@@ -40,6 +42,8 @@ from .options import Options
 
 DETAIL = "ground_detail.png"
 """The normal map that all tiles' materials repeat."""
+_SOIL = "st1"
+"""Texture coordinates of the land beyond for that map: its own picture is a palette."""
 _LEAST_DEPTH = 0.1
 """A crater that has less of its fresh depth left than this part is ground like any other."""
 _CENTRES = np.array([(2 / 3, 1 / 3), (1 / 3, 2 / 3)])
@@ -94,8 +98,11 @@ def write_patch(
     return look
 
 
-def write_horizon(horizon: Horizon, assets: Path) -> None:
-    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, for the eye."""
+def write_horizon(horizon: Horizon, detail: GroundDetail | None, assets: Path) -> None:
+    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, for the eye.
+
+    Its soil is that of the ground's `detail`, if it has one.
+    """
     surface, picture = horizon_surface(horizon)
     write_png(assets / "horizon.png", picture)
     stage = new_stage(assets / "horizon.usdc", "horizon")
@@ -106,6 +113,10 @@ def write_horizon(horizon: Horizon, assets: Path) -> None:
     label(mesh.GetPrim(), "horizon")
     path = "/horizon/Looks/horizon"
     bind(mesh.GetPrim(), define_textured(stage, path, "./horizon.png", None, wrap="clamp"))
+    if detail:
+        soil = horizon_detail(horizon, detail)
+        define_st(mesh, soil, UsdGeom.Tokens.vertex, name=_SOIL)
+        add_normal_map(stage, path, f"./{DETAIL}", coordinates=_SOIL)
     save(stage)
 
 

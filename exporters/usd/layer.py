@@ -63,10 +63,12 @@ def define_mesh(
     return mesh
 
 
-def define_st(mesh: UsdGeom.Mesh, coordinates: Array, interpolation: str) -> None:
+def define_st(
+    mesh: UsdGeom.Mesh, coordinates: Array, interpolation: str, *, name: str = "st"
+) -> None:
     """Give a mesh texture coordinates, shape [n, 2], per vertex or per corner of a face."""
     kind = Sdf.ValueTypeNames.TexCoord2fArray
-    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, interpolation)
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, kind, interpolation)
     values = np.ascontiguousarray(coordinates, dtype=np.float32)
     primvar.Set(Vt.Vec2fArray.FromNumpy(values))
 

@@ -34,12 +34,10 @@ def define_textured(
     shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **matt)
     output = shader.CreateOutput("surface", _KINDS.Token)
     material.CreateSurfaceOutput().ConnectToSource(output)
-    kind = "UsdPrimvarReader_float2"
-    reader = _shader(stage, f"{path}/st", kind, varname=(_KINDS.String, "st"))
+    coordinates = _coordinates(stage, f"{path}/st", "st")
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
     if tuple(factor) != (1.0, 1.0, 1.0):
         texture.CreateInput("scale", _KINDS.Float4).Set(Gf.Vec4f(*factor, 1.0))
-    coordinates = reader.CreateOutput("result", _KINDS.Float2)
     if (scale, offset) != ((1.0, 1.0), (0.0, 0.0)):
         coordinates = _laid(stage, f"{path}/image_st", coordinates, scale, offset)
     texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
@@ -55,18 +53,21 @@ def add_normal_map(
     *,
     scale: tuple[float, float] | None = None,
     offset: tuple[float, float] = (0.0, 0.0),
+    coordinates: str | None = None,
 ) -> None:
     """Bend the light on a textured material by an image of normals that repeats.
 
     The image is -1 to 1 as 0 to 255, green towards v; it lies at `scale` · st + `offset`, or as the
-    material's own image.
+    mesh's other `coordinates` say, or as the material's own image.
     """
-    if scale is None:
+    if coordinates is not None:
+        place = _coordinates(stage, f"{path}/normals_st", coordinates)
+    elif scale is None:
         image_st = UsdShade.Shader.Get(stage, f"{path}/image").GetInput("st")
         place = image_st.GetConnectedSources()[0][0]
     else:
-        coordinates = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
-        place = _laid(stage, f"{path}/normals_st", coordinates, scale, offset)
+        whole = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
+        place = _laid(stage, f"{path}/normals_st", whole, scale, offset)
     texture = _define_image(stage, f"{path}/normals", image, "raw", wrap="repeat")
     for name, value in (("scale", (2.0, 2.0, 2.0, 1.0)), ("bias", (-1.0, -1.0, -1.0, 0.0))):
         texture.CreateInput(name, _KINDS.Float4).Set(Gf.Vec4f(*value))
@@ -84,6 +85,13 @@ def add_roughness_map(stage: Usd.Stage, path: str, image: str) -> None:
     surface = UsdShade.Shader.Get(stage, f"{path}/surface")
     rough = texture.CreateOutput("r", _KINDS.Float)
     surface.GetInput("roughness").ConnectToSource(rough)
+
+
+def _coordinates(stage: Usd.Stage, path: str, name: str) -> UsdShade.Output:
+    """A mesh's texture coordinates of a name."""
+    kind = "UsdPrimvarReader_float2"
+    reader = _shader(stage, path, kind, varname=(_KINDS.String, name))
+    return reader.CreateOutput("result", _KINDS.Float2)
 
 
 def _laid(

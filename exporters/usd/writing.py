@@ -66,7 +66,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         parts["Ground"].append(tile.name("ground"))
         parts["Rocks"].append(tile.name("rocks"))
     if options.horizon and world.horizon:
-        write_horizon(world.horizon, assets)
+        write_horizon(world.horizon, world.appearance.detail, assets)
         parts["Horizon"] = ["horizon"]
     pebbles = 0
     if options.pebbles_min_m > 0.0:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, image_rows
-from terrain_forge.model import ExportReport, Horizon, TexturedMesh
+from terrain_forge.model import ExportReport, GroundDetail, Horizon, TexturedMesh
 from terrain_forge.writers import Gltf, write_obj
 
 _SHADES = 256
@@ -27,6 +27,8 @@ _TINTS = 16
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 _PAIRS = (0, 1), (0, 2), (1, 2)
 """Channels by whose difference tints are told apart: by that which tells most."""
+_SLANT = 0.7
+"""Metres that soil on rocks moves, both ways, for each of height."""
 _SAME = 48.0
 """How much that difference varies among colours of one tint, at most, of 255."""
 
@@ -55,6 +57,17 @@ def horizon_surface(horizon: Horizon) -> tuple[TexturedMesh, NDArray[np.uint8]]:
         faces=horizon.mesh.faces,
     )
     return surface, np.asarray(image_rows(image))
+
+
+def horizon_detail(horizon: Horizon, detail: GroundDetail) -> Array:
+    """Where the tile of soil lies at the vertices: u east, v north, shape [vertices, 2].
+
+    It goes on from the ground as it lies there. On rocks it is laid along a slanting line rather
+    than straight down, which would draw it out on their walls.
+    """
+    place, height = horizon.mesh.vertices[:, :2].copy(), horizon.mesh.vertices[:, 2:]
+    place[horizon.ground_vertices :] += _SLANT * height[horizon.ground_vertices :]
+    return np.asarray(place / detail.size)
 
 
 def _tints(colours: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:

@@ -72,16 +72,22 @@ class Gltf:
         """Add an accessor of an animation's times (`bounded`) or values, shape [samples, n]."""
         return self._add_array(values, {}, bounded=bounded)
 
-    def add_surface(self, surface: TexturedMesh, *, bumpy: bool = False) -> dict[str, Any]:
+    def add_surface(
+        self, surface: TexturedMesh, *, bumpy: bool = False, bumps: Floats | None = None
+    ) -> dict[str, Any]:
         """Add a textured surface; returns what is the same in all primitives of it.
 
-        One that is `bumpy`, for a map of normals, tells where that map's right is.
+        One that is `bumpy`, for a map of normals, tells where that map's right is. The map lies as
+        the texture does, or by texture coordinates of its own, `bumps`, which are TEXCOORD_1.
         """
         faces = self.add_indices(surface.faces)
         primitive = self.add_primitive(
             surface.vertices, surface.normals, faces, surface.texture_coordinates
         )
-        if bumpy:
+        if bumps is not None:
+            primitive["attributes"]["TEXCOORD_1"] = self._add_coordinates(bumps)
+            surface = surface._replace(texture_coordinates=np.asarray(bumps, np.float64))
+        if bumpy or bumps is not None:
             tangents = vertex_tangents(*surface).astype(np.float32)
             primitive["attributes"]["TANGENT"] = self.add_vertices(tangents)
         return primitive
@@ -102,9 +108,11 @@ class Gltf:
             "NORMAL": self.add_vertices(normals.astype(np.float32)),
         }
         if texture_coordinates is not None:
-            down = texture_coordinates * (1, -1) + (0, 1)
-            attributes["TEXCOORD_0"] = self.add_vertices(down.astype(np.float32))
+            attributes["TEXCOORD_0"] = self._add_coordinates(texture_coordinates)
         return {"attributes": attributes, "indices": faces}
+
+    def _add_coordinates(self, upwards: Floats) -> int:
+        return self.add_vertices((upwards * (1, -1) + (0, 1)).astype(np.float32))
 
     def add_texture(self, content: bytes, *, tiles: bool, media_type: str = "image/png") -> int:
         """Add an image, PNG or JPEG, as a texture that repeats itself or ends at its edges."""

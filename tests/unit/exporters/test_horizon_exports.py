@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
+from terrain_forge.geometry import detail_placement, grid_texture_coordinates
 from terrain_forge.model import exporter
 from tests.helpers import worlds
+from tests.helpers.ground_pictures import detailed
 
 Z_UP = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
 
@@ -93,3 +96,49 @@ def test_it_is_left_out_on_demand_and_said(world, kind, tmp_path):
     (tmp_path / "with").mkdir()
     told = written(world, kind, tmp_path / "with")
     assert any("for the eye alone" in loss for loss in told.losses)
+
+
+def soil_of_usd(world, folder):
+    """Texture coordinates of the land's soil at all vertices, and the file that shows it."""
+    written(world, "usd", folder)
+    stage = Usd.Stage.Open(str(folder / "assets/horizon.usdc"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/horizon/surface"))
+    normals = UsdShade.Shader.Get(stage, "/horizon/Looks/horizon/normals")
+    reader = UsdShade.Shader(normals.GetInput("st").GetConnectedSources()[0][0].source)
+    name = reader.GetInput("varname").Get()
+    assert (folder / "assets" / normals.GetInput("file").Get().path).is_file()
+    return np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar(name).Get())
+
+
+def soil_of_glb(world, folder):
+    written(world, "glb", folder)
+    content = (folder / "world.glb").read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    said, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
+    looks = {
+        look["name"]: look["normalTexture"]
+        for look in said["materials"]
+        if "horizon" in look["name"] or "ground" in look["name"]
+    }
+    assert looks["horizon"]["texCoord"] == 1
+    assert len({look["index"] for look in looks.values()}) == 1
+    (mesh,) = [mesh for mesh in said["meshes"] if mesh["name"] == "horizon"]
+    accessor = said["accessors"][mesh["primitives"][0]["attributes"]["TEXCOORD_1"]]
+    start = said["bufferViews"][accessor["bufferView"]]["byteOffset"]
+    down = np.frombuffer(binary, np.float32, 2 * accessor["count"], start).reshape(-1, 2)
+    return down * (1, -1) + (0, 1)
+
+
+@pytest.mark.parametrize("read", [soil_of_usd, soil_of_glb])
+def test_soil_goes_on_over_the_border(world, read, tmp_path):
+    world = detailed(world)
+    detail = world.appearance.detail
+    ground = world.ground
+    (along, across), offset = detail_placement(ground, detail)
+    rows, columns = ground.shape
+    places = grid_texture_coordinates(rows, columns).reshape(rows, columns, 2)
+    within = (places * (along, across) + offset)[0]  # the southern border, the first vertices
+    beyond = read(world, tmp_path)
+    apart = (beyond[:columns] - within + 0.5) % 1.0 - 0.5
+    assert np.abs(apart).max() < 1e-4
+    assert len(beyond) == len(world.horizon.mesh.vertices)
