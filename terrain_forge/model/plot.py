@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _PIXELS = 900
 """Nodes of the ground that are drawn each way; rocks of less than one are not."""
 _ALTITUDE, _AZIMUTH = np.radians(40.0), np.radians(315.0)
+_LEVEL, _CONTRAST = 0.5, 0.7
+"""Mean of the colours of level ground, 0 to 1, and the power of the light on it."""
 _PATHS = "#d5f000", "#00d5ff", "#ff7ad9", "#ffffff"
 _ROCK, _BARE = "#2b2320", "#c9c2ba"
 
@@ -128,8 +130,8 @@ def _shaded(world: World, step: int) -> NDArray[np.float64]:
         1.0 + east**2 + north**2
     )
     colours: Array = world.appearance.ground_rgb[::step, ::step] / 255.0
-    bright = colours * (0.62 / max(float(colours.mean()), 1e-6))
-    shade = np.clip(light / np.sin(_ALTITUDE), 0.1, 1.6)
+    bright = colours * (_LEVEL / max(float(colours.mean()), 1e-6))
+    shade = np.clip(light / np.sin(_ALTITUDE), 0.05, 2.0) ** _CONTRAST
     return np.asarray(np.clip(bright * shade[..., None], 0.0, 1.0))
 
 
