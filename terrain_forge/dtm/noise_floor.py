@@ -34,6 +34,8 @@ _OTHER_WINDOW = 0.5
 """χ² of another window in all of a DTM, over that of the one found, at which it is taken."""
 _MOST_UNEVEN = 4.0
 """Mean square of noise in all of a DTM over that in its quietest parts, at most."""
+_WHOLE = 1.1
+"""Part of the mean square increments that noise may have, all of them and what a fit is off by."""
 _SHORTEST = 0.35  # cycles per post, which increments over one and two posts look at
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
@@ -83,6 +85,8 @@ _NARROW = (
     *(Window(width=w, square=False) for w in (0.6, 0.7)),
 )
 """Noise that is white from post to post, or nearly: folded ground is much like it."""
+_EACH = _NARROW[0]
+"""Noise of each post for itself, as rounding adds it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +110,7 @@ class NoiseFloor:
 
 
 def find_noise(
-    heights: Array, posting: float, trusted: Mask, given: float | None = None
+    heights: Array, posting: float, trusted: Mask, given: float | None = None, *, step: float = 0.0
 ) -> NoiseFloor | None:
     """The noise of a DTM; None where there is none to speak of.
 
@@ -115,6 +119,7 @@ def find_noise(
         posting: distance of its posts [m].
         trusted: posts that are measured, not filled in.
         given: RMS noise that the user knows [m]; its correlation is fitted.
+        step: what the heights are rounded to [m]: known noise, of which no more is made.
     """
     if min(heights.shape) < (FEWEST_POSTS if given is None else 2 * _SMALL):
         return None
@@ -128,7 +133,8 @@ def find_noise(
     # Where a spectrum falls steeply, what leaks from its neighbours counts.
     fall = -np.gradient(portable.log(quiet), portable.log(number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
-    alone = _fit_ground(number, quiet, error)
+    bare, rounded = _fit_ground(number, quiet, error), _fit_rounded(number, quiet, error, step)
+    alone = min(bare, rounded)
     fits = [_fit_noise(tiles, quiet, error, given, of) for of in (_NARROW, _WINDOWS)]
     for window, level, misfit in sorted(fits, key=lambda fit: fit[2]):
         deviation = math.sqrt(level * window.white)
@@ -143,11 +149,14 @@ def find_noise(
                 rival = min(alone, _fit_points(tiles, quiet, error))
                 clear = misfit < better * rival and (rival - misfit) * share > 4.0
         elif side == _SMALL:
-            clear = misfit < 0.6 * alone and share > 0.4 and (alone - misfit) * share > 2.0
+            clear = misfit < 0.6 * alone and share > 0.4 and (alone - misfit) * share > 4.0
         else:
             clear = misfit < 0.55 * alone and share > 0.32 and (alone - misfit) * share > 2.0
-        if clear and deviation <= LARGEST * posting:
+        if clear and share < _WHOLE and deviation <= LARGEST * posting:
             return _floor(heights, trusted, deviation, window, level)
+    by_steps = step / math.sqrt(12.0)
+    if rounded < 0.55 * bare and _share(heights, trusted, by_steps, _EACH) > 0.5:
+        return _floor(heights, trusted, by_steps, _EACH, by_steps**2, given=True)
     return None
 
 
@@ -188,6 +197,18 @@ def _fit_ground(number: Array, density: Array, error: Array) -> float:
     """χ² of ground alone, of any exponent, smoothed or not."""
     grounds = np.stack([_ground(number, _BETAS_ALONE, smoothed) for smoothed in _SMOOTHED])
     return _misfit(grounds, density, error)
+
+
+def _fit_rounded(number: Array, density: Array, error: Array, step: float) -> float:
+    """χ² of ground alone whose heights are rounded to steps, white noise of a known level [m]."""
+    if not step > 0.0:
+        return math.inf
+    white, level = np.ones_like(density), step**2 / 12.0
+    fits = (
+        _fit_levels(_ground(number, _BETAS_ALONE, smoothed), white, density, error, level)[0].min()
+        for smoothed in _SMOOTHED
+    )
+    return float(min(fits))
 
 
 def _fit_points(tiles: Tiles, density: Array, error: Array) -> float:

@@ -25,7 +25,7 @@ from terrain_forge.dtm.raster import Raster, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
-from terrain_forge.dtm.vertical import require_known_unit
+from terrain_forge.dtm.vertical import height_step, require_known_unit
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
 _FARTHEST = 0.25
@@ -165,7 +165,8 @@ def _without_noise(
     if noise in ("keep", 0.0):
         return patch, None
     given = None if isinstance(noise, str) else noise
-    floor = find_noise(patch.heights, patch.posting, measured, given)
+    step = height_step(patch.heights[measured])
+    floor = find_noise(patch.heights, patch.posting, measured, given, step=step)
     if floor is None and given is not None:
         kept = (
             f"noise of {given:.2g} m could not be told from the ground, it is kept: that takes "

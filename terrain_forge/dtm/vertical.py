@@ -23,6 +23,7 @@ _METRES = {
 }
 _SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
 _FEWEST_LEVELS, _REPEATED, _OFF_LEVEL, _COARSER = 3, 0.25, 0.1, 16.0
+_DOUBLE = np.dtype(np.float64)
 FELT = 0.02
 """Height [m] of stairs that a wheel feels."""
 _FARTHEST = 0.05
@@ -92,6 +93,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         scale = scale if spec.height_scale is None else spec.height_scale
         offset = offset if spec.height_offset_m is None else spec.height_offset_m
         _require_scale(spec, scale, offset)
+    step = 1.0 if dtype.kind in "iu" else height_step(sample, dtype, scale)
     is_radius = _around(offset, body) or _around(typical * scale + offset, body)
     return Vertical(
         scale=scale,
@@ -99,7 +101,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
         reference_radius=datum if is_radius else 0.0,
         known=known,
         unit=unit,
-        quantum=abs(scale) * (1.0 if dtype.kind in "iu" else _step(sample, dtype, scale)) or None,
+        quantum=abs(scale) * step or None,
         assumed=not unit and spec.height_scale is None and spec.height_range_m is None,
     )
 
@@ -215,7 +217,9 @@ def _sample(dataset: Any, spec: RasterDtm) -> NDArray[np.float64]:
     return found
 
 
-def _step(values: NDArray[np.float64], dtype: np.dtype[Any], scale: float) -> float:
+def height_step(
+    values: NDArray[np.float64], dtype: np.dtype[Any] = _DOUBLE, scale: float = 1.0
+) -> float:
     """Number of which all values of a raster of floats are multiples, but for an offset; else 0.
 
     Floats of their own are so coarse where radii are kept in single precision.

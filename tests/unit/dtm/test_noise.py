@@ -14,6 +14,7 @@ from terrain_forge.base import stage_key
 from terrain_forge.dtm import ArrayDtm, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.noise_floor import find_noise
+from terrain_forge.dtm.vertical import height_step
 from terrain_forge.model import MARS, Window
 from terrain_forge.terrain import Fractal, rms_deviation, shape_ground, terrain_statistics
 from tests.helpers import worlds
@@ -142,6 +143,32 @@ def test_clean_dtm_is_left_alone(heights):
     site = planned(heights, 2.0)
     assert np.array_equal(site.dtm.heights, heights)
     assert site.dtm.noise == 0.0
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0])
+def test_steps_of_a_clean_dtm_are_no_more_than_rounding(step):
+    """Of small DTMs of smooth ground, whose steps hide its shortest waves."""
+    for seed in range(1000, 1006):
+        clean_heights = self_affine(128, hurst=1.2, deviation=20.0, seed=seed)
+        heights = step * np.round(clean_heights / step)
+        assert height_step(heights.ravel()) == pytest.approx(step)
+        floor = find_noise(heights, 10.0, everywhere(heights), step=step)
+        if step < 1.0:
+            assert floor is None or floor.deviation < 1.1 * step / np.sqrt(12.0)
+        else:  # which are as high as what is between two posts
+            assert floor.deviation == pytest.approx(step / np.sqrt(12.0), rel=0.1)
+            error = denoised(heights, floor, stage_key(1, "noise")) - clean_heights
+            assert error.std() < step / np.sqrt(12.0)
+
+
+def self_affine(side, *, hurst, deviation, seed):
+    """Heights of a periodic self-affine surface [m], shape [side, side]."""
+    rng, waves = np.random.default_rng(seed), np.fft.fftfreq(side)
+    number = np.hypot(*np.meshgrid(waves, waves))
+    number[0, 0] = 1.0
+    noise = np.fft.fft2(rng.normal(size=(side, side)))
+    surface = np.fft.ifft2(noise * number ** -(hurst + 1.0)).real
+    return deviation * surface / surface.std()
 
 
 @pytest.mark.slow
