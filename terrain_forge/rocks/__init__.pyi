@@ -25,7 +25,6 @@ from .embedding.outline import edges as edges
 from .embedding.outline import exposed_points as exposed_points
 from .embedding.outline import extent as extent
 from .feasibility import check_lists as check_lists
-from .feasibility import check_packing as check_packing
 from .feasibility import check_rocks as check_rocks
 from .feasibility import expected_count as expected_count
 from .feasibility import largest_rock as largest_rock
@@ -44,6 +43,7 @@ from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
 from .near_paths import cells_near_paths as cells_near_paths
 from .near_paths import seen_close as seen_close
+from .packing import check_packing as check_packing
 from .pebbles import path_pebbles as path_pebbles
 from .pebbles import with_pebbles as with_pebbles
 from .populations import ExclusionSpec as ExclusionSpec
