@@ -132,8 +132,15 @@ class RecordedSensor:
         return tuple(self.stamps[[0, -1]].tolist()) if len(self.stamps) else ()
 
     def file(self, number: int, channel: str = "data") -> Path:
-        """The file of a measurement."""
-        stem = self._rows[1][number]
+        """The file of a measurement, by its number from 0.
+
+        Raises:
+            DataError: if there is no such measurement, or channel.
+        """
+        stems = self._rows[1]
+        if not 0 <= number < len(stems):
+            raise DataError(f"{self.key} has no measurement {number}: 0 to {len(stems) - 1}")
+        stem = stems[number]
         if channel not in self.channels:
             raise DataError(f"{self.key} has no {channel!r}: it was not recorded")
         if channel != "data":

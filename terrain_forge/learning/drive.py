@@ -8,14 +8,21 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pydantic import ConfigDict, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    NonNegativeInt,
+    Strict,
+    TypeAdapter,
+    ValidationError,
+)
 
 from terrain_forge.base import Array, Fraction, OutputError, Positive, complaint
 from terrain_forge.driving import TURN_RATE, eased, wheel_rates
@@ -37,6 +44,9 @@ STUCK_TIME, STUCK_WAY = 5.0, 0.1
 _SETTLING = 0.5
 _TRIES = 200
 _Difficulty = tuple[Fraction, Fraction] | None
+_Plain = BeforeValidator(lambda given: given.item() if isinstance(given, np.generic) else given)
+_Number = Annotated[NonNegativeInt, Strict(), _Plain]
+"""A world's number, also one of NumPy's; no truth value, as a mask would have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +60,7 @@ class _Wished:
 class _Arguments(_Wished):
     """What an environment may be asked for."""
 
-    numbers: tuple[NonNegativeInt, ...] | None
+    numbers: tuple[_Number, ...] | None
     distance_m: Positive
     speed_m_s: Positive
     sight: Literal["heights", "depth", "none"]
@@ -62,7 +72,7 @@ class _Reset:
     """What a reset may be asked for."""
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
-    world: NonNegativeInt | str | None = None
+    world: _Number | str | None = None
 
 
 class DriveEnv(gymnasium.Env[Observation, Array]):
@@ -102,7 +112,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             TypeAdapter(_Arguments),
             {
                 "difficulty": difficulty,
-                "numbers": None if numbers is None else [int(number) for number in numbers],
+                "numbers": None if numbers is None else tuple(numbers),
                 "distance_m": distance_m,
                 "speed_m_s": speed_m_s,
                 "sight": sight,

@@ -8,10 +8,12 @@ follow the edit; the recipe does not know of it, so an edited world is kept by s
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from terrain_forge.base import MAX_NAME, DataError, is_file_name
+from terrain_forge.base import MAX_NAME, DataError, Mask, is_file_name
 from terrain_forge.model import RockField, World, merge
 from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.outline import MAX_BURIED
@@ -115,17 +117,18 @@ def add_rock(
     )
 
 
-def remove_rocks(world: World, ids: Iterable[int]) -> World:
+def remove_rocks(world: World, ids: Iterable[int] | Mask) -> World:
     """The world without some rocks; the others keep their ids.
 
     Args:
         world: The world, which stays as it is.
-        ids: Ids of rocks of the world, or of neighbours that reach into it.
+        ids: Ids of rocks of the world, or of neighbours that reach into it; or a mask, true for
+            each rock of `world.field` that goes.
 
     Raises:
-        DataError: if the world has no rock of one of the ids.
+        DataError: if the world has no rock of one of the ids, or the mask is of another length.
     """
-    wanted = np.array(sorted(set(ids)), dtype=np.int64)
+    wanted = _ids(world, ids)
     everyone = np.concatenate([world.field.id, world.neighbours.id])
     missing = wanted[~np.isin(wanted, everyone)]
     if len(missing):
@@ -134,6 +137,21 @@ def remove_rocks(world: World, ids: Iterable[int]) -> World:
         field=world.field.select(~np.isin(world.field.id, wanted)),
         neighbours=world.neighbours.select(~np.isin(world.neighbours.id, wanted)),
     )
+
+
+def _ids(world: World, given: Iterable[int] | Mask) -> NDArray[np.int64]:
+    """The ids that are given, or those of the rocks of a mask."""
+    found: NDArray[Any] = np.array(list(given))
+    own = world.field.id
+    if found.dtype == bool and found.shape == own.shape:
+        found = own[found]
+    elif len(found) and (found.ndim != 1 or found.dtype.kind not in "iu"):
+        raise DataError(
+            f"ids of the type {found.dtype} and shape {list(found.shape)}: whole numbers are "
+            f"allowed, or a mask of the shape {list(own.shape)}, true for each rock that goes"
+        )
+    ids: NDArray[np.int64] = found.astype(np.int64)
+    return ids
 
 
 def _check_place(world: World, east: float, north: float, reach: float) -> None:

@@ -37,6 +37,12 @@ def test_what_was_recorded_is_read(recording):
     np.testing.assert_allclose(pose, base_pose(0.2), atol=1e-12)
 
 
+@pytest.mark.parametrize("number", [-1, 100])
+def test_a_measurement_that_is_not_there_is_told(recording, number):
+    with pytest.raises(DataError, match=rf"^cam1 has no measurement {number}: 0 to \d+$"):
+        recording.cameras[1].image(number)
+
+
 def test_depth_is_on_the_plane(recording):
     camera = recording.cameras[1]
     depth, pose = camera.depth(2), recording.truth_of(camera).matrices[2]

@@ -227,6 +227,8 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         ({"difficulty": (0.2, 7.0)}, r"difficulty\[1\]: "),
         ({"difficulty": 0.5}, "difficulty: "),
         ({"numbers": [-1]}, r"numbers\[0\]: "),
+        ({"numbers": np.array([True, False])}, r"numbers\[0\]: "),
+        ({"numbers": [0.5]}, r"numbers\[0\]: "),
     ],
 )
 def test_an_argument_that_cannot_be_is_named(made, given, why):
@@ -239,7 +241,7 @@ def test_a_reset_goes_to_the_world_that_is_named(made):
     env = make(made, numbers=[1])
     for world in (1, np.int64(1), name_of(1)):
         assert env.reset(seed=3, options={"world": world})[1]["world"] == name_of(1)
-    for world in (0, -1, "00000", "one"):
+    for world in (0, -1, True, "00000", "one"):
         with pytest.raises((tf.OutputError, ValueError), match="world"):
             env.reset(options={"world": world})
     with pytest.raises(ValueError, match="worlds"):

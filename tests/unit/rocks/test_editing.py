@@ -107,6 +107,20 @@ def test_ids_are_above_all_and_stay(cleared):
     assert dense.mass[-1] == pytest.approx(5000.0 * dense.volume[-1])
 
 
+def test_rocks_are_removed_by_a_mask_too(world):
+    large = world.field.diameter > 0.3
+    left = tf.remove_rocks(world, large).field
+    assert left == world.field.select(~large)
+    assert tf.remove_rocks(world, large.tolist()).field == left
+    assert tf.remove_rocks(world, []).field == world.field
+
+
+@pytest.mark.parametrize("given", [[True, False], [0.5], [[0, 1]], ["0"]])
+def test_what_is_neither_ids_nor_a_mask_is_refused(world, given):
+    with pytest.raises(tf.DataError, match=r"^ids of the type .* whole numbers .* a mask of the"):
+        tf.remove_rocks(world, np.array(given))
+
+
 def test_a_window_gives_the_same_id_and_place(world, cleared):
     window = tf.Window(column=40, row=12, columns=48, rows=48)  # 5 to 11 m, 1.5 to 7.5 m
     part = tf.realise(world.site, window)
