@@ -82,9 +82,10 @@ class Record:
         of `lengths` too.
 
         Raises:
-            ValueError: where the shape differs or a float is not finite.
+            ValueError: where the shape differs, a float is not finite or a value is masked.
         """
-        array = np.array(getattr(self, name), dtype=dtype, order="C", copy=True)
+        given = getattr(self, name)
+        array = np.array(given, dtype=dtype, order="C", copy=True)
         where = f"{type(self).__name__}.{name}"
         lengths = {} if lengths is None else lengths
         matches = array.ndim == len(shape)
@@ -95,6 +96,8 @@ class Record:
             raise ValueError(f"{where}: shape {array.shape}, expected {shape}")
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise ValueError(f"{where}: holds values that are not finite")
+        if np.ma.is_masked(given):
+            raise ValueError(f"{where}: holds values that are masked")
         array.setflags(write=False)
         object.__setattr__(self, name, array)
 

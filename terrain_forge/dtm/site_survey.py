@@ -213,6 +213,8 @@ def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]
         raise RecipeError(
             "`kind: array` takes its heights from plan(recipe, heights=…)", key=("dtm",)
         )
+    if np.ma.is_masked(heights):
+        raise RecipeError("heights that are masked: a number for each post", key=("dtm",))
     values = np.asarray(heights, np.float64)
     if values.ndim != 2 or min(values.shape) < 2 or not np.isfinite(values).all():
         raise RecipeError(f"heights of shape {values.shape}: a finite 2-D array", key=("dtm",))

@@ -250,6 +250,8 @@ def _brightness(
                 continue
             if np.shape(factor) != (window.rows + 1, window.columns + 1):
                 raise ValueError(f"found shape {np.shape(factor)}")
+            if np.ma.is_masked(factor):
+                raise ValueError("found numbers that are masked")
             if not (np.isfinite(factor).all() and factor.min() >= 0.0):
                 raise ValueError("found numbers that are negative or not finite")
         if layer.mask is not None:

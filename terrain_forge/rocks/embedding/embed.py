@@ -82,8 +82,10 @@ def embed(
         which ones are yet to be settled.
 
     Raises:
-        ValueError: if the centre of a rock lies off the ground.
+        ValueError: if the centre of a rock lies off the ground, or a density is masked.
     """
+    if np.ma.is_masked(density):
+        raise ValueError("densities that are masked: a number for each population")
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")

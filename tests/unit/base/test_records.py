@@ -12,6 +12,7 @@ from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import terrain_forge
@@ -86,6 +87,16 @@ def test_public_names():
         assert getattr(terrain_forge, name) is not None
     with pytest.raises(AttributeError, match="nothing"):
         _ = terrain_forge.nothing
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int32])
+def test_a_record_takes_no_masked_values(dtype):
+    z = np.ma.masked_equal(np.arange(4, dtype=dtype).reshape(2, 2), 7)
+    ground = terrain_forge.Heightfield(elevation=z, spacing=1.0, origin=(0.0, 0.0))
+    assert type(ground.elevation) is np.ndarray
+    z[0, 1] = np.ma.masked
+    with pytest.raises(ValueError, match=r"^Heightfield\.elevation: holds values that are masked$"):
+        ground.replace(elevation=z)
 
 
 @pytest.mark.slow

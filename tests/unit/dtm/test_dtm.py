@@ -225,6 +225,16 @@ def test_array_is_taken_as_it_is():
         look(ArrayDtm(posting_m=0.5, size_m=(31.0, 20.0)), Path(), heights=heights)
 
 
+def test_an_array_of_masked_heights_is_refused():
+    """As rasterio reads a raster with holes; one without a hole is taken."""
+    spec = ArrayDtm(posting_m=0.5, size_m=(30.0, 20.0), noise="keep")
+    heights = np.ma.masked_equal(np.zeros((41, 61)), -9999.0)
+    assert look(spec, Path(), heights=heights)[0].datum_height == 0.0
+    heights[20, 30] = np.ma.masked
+    with pytest.raises(RecipeError, match=r"^heights that are masked: a number for each post$"):
+        survey(spec, body=MARS, folder=Path(), heights=heights)
+
+
 def test_flat_site_can_know_its_place():
     site, ground = look(FlatDtm(size_m=(10.0, 10.0), lonlat_deg=(23.5, 0.7)), Path(), body=MOON)
     assert site.georeferenced
