@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, Record, quaternion_from_rpy, shaped
+from terrain_forge.base import Array, DataError, Record, quaternion_from_rpy, shaped
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
+
+_SLACK = 1e-6
+"""How far beyond its ends a trajectory still answers, for times that were rounded [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,8 +72,19 @@ class Trajectory(Record):
         return CubicSpline(self.time, np.hstack([self.position, self.rpy]))
 
     def at(self, time: ArrayLike) -> Poses:
-        """Poses, velocities and accelerations at times [s] within the trajectory."""
+        """Poses, velocities and accelerations at times [s] within the trajectory.
+
+        Raises:
+            DataError: for a time before its first sample or after its last one.
+        """
         times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        first, last = self.time[0], self.time[-1]
+        beyond = times[~((times >= first - _SLACK) & (times <= last + _SLACK))]
+        if beyond.size:
+            raise DataError(
+                f"time {beyond[0]:.6f} s: the trajectory {self.name!r} lasts from {first:.6f} to "
+                f"{last:.6f} s"
+            )
         values = self._spline(times)
         return Poses(
             position=values[:, :3],

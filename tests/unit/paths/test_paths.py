@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from terrain_forge.base import RecipeError
-from terrain_forge.model import Heightfield
+from terrain_forge.base import DataError, RecipeError
+from terrain_forge.model import Heightfield, Trajectory
 from terrain_forge.paths import (
     PathSpec,
     Spline,
@@ -125,6 +125,21 @@ def test_shake_has_its_strength_and_band():
     power = np.abs(np.fft.rfft(noise, axis=0)) ** 2
     above = np.fft.rfftfreq(len(noise), 1 / 12) > 1.5
     assert power[above].sum() < 1e-9 * power.sum()
+
+
+def test_a_trajectory_ends_where_its_samples_do():
+    track = Trajectory(
+        name="line",
+        time=np.arange(5.0),
+        position=np.outer(np.arange(5.0), [1.0, 0.0, 0.0]),
+        rpy=np.zeros((5, 3)),
+        closed=False,
+    )
+    assert track.at([0.0 - 1e-9, 4.0 + 1e-9]).position[:, 0] == pytest.approx([0.0, 4.0], abs=1e-8)
+    assert len(track.at([]).position) == 0
+    for time in (-0.01, [1.0, 4.01], np.nan):
+        with pytest.raises(DataError, match="'line' lasts from 0.000000 to 4.000000 s"):
+            track.at(time)
 
 
 def test_trajectory_is_twice_differentiable():
