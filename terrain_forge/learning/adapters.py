@@ -123,7 +123,12 @@ def trimeshes(world: World) -> list[Any]:
 
 
 def add_to_spec(
-    spec: Any, world: World, *, name: str = "ground", body: str = "terrain"
+    spec: Any,
+    world: World,
+    *,
+    name: str = "ground",
+    body: str = "terrain",
+    own_frame: bool = False,
 ) -> tuple[Any, Any]:
     """Add a world's ground, with its rocks in it, to a `mujoco.MjSpec` as one height field.
 
@@ -135,9 +140,11 @@ def add_to_spec(
         world: The world.
         name: Of the field and its geom.
         body: Body that the geom belongs to; made where there is none.
+        own_frame: Whether the body's origin is the world's, in which its paths and rocks are told;
+            otherwise it is the ground's south-west corner, at the world's height 0.
 
     Returns:
-        The geom, whose south-west corner is the body's origin, and the field.
+        The geom and the field.
     """
     import mujoco
 
@@ -146,6 +153,7 @@ def add_to_spec(
     lowest, highest = float(top.min()), float(top.max())
     extent = max(highest - lowest, 1e-3)
     half = 0.5 * (east - west), 0.5 * (north - south)
+    corner = (west, south) if own_frame else (0.0, 0.0)
     field = spec.add_hfield(
         name=name,
         size=[*half, extent, 1.0],
@@ -157,7 +165,7 @@ def add_to_spec(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_HFIELD,
         hfieldname=name,
-        pos=[*half, lowest],
+        pos=[half[0] + corner[0], half[1] + corner[1], lowest],
         friction=[world.site.body.friction.regolith.coefficient, 0.005, 0.0001],
     )
     return geom, field
