@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import OutputError
+from terrain_forge.base import DataError, OutputError
 from terrain_forge.model import World
 from terrain_forge.truth import rock_rasters
+
+_PYTHONS = (int, float, list, tuple)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,9 +21,11 @@ class Grounds:
     """The grounds of worlds of one size and spacing, as arrays of one library.
 
     Points are `world`, whole numbers of any shape, and `east` and `north` [m] of the same shape, or
-    of one that broadcasts; what lies outside a world counts as its edge, and of NaN all is NaN, -1
-    as a rock's id. All is computed by the library that the arrays are of, on the device where they
-    are.
+    of one that broadcasts, also lists and single numbers; what lies outside a world counts as its
+    edge, and of NaN all is NaN, -1 as a rock's id. All is computed by the library that the arrays
+    are of, on the device where they are. A world that is not there is a DataError; of arrays of
+    other libraries than NumPy, which may be on a device or not known yet, the numbers are not
+    looked at.
     """
 
     elevation: Any
@@ -103,15 +107,32 @@ class Grounds:
     def rock_at(self, world: Any, east: Any, north: Any) -> Any:
         """Id of the rock on top of the node nearest to each point, -1 for the ground."""
         row, column, nothing = self._nodes(east, north)
-        rock = self.rock[world, row, column]
+        rock = self.rock[self._worlds(world), row, column]
         known = _as(nothing == 0.0, rock)
         return known * rock + known - 1
 
     def top_at(self, world: Any, east: Any, north: Any) -> Any:
         """Height [m] of ground or rock at the node nearest to each point."""
         row, column, nothing = self._nodes(east, north)
-        top = self.top[world, row, column]
+        top = self.top[self._worlds(world), row, column]
         return top + _as(nothing, top)
+
+    def _worlds(self, given: Any) -> Any:
+        """Numbers of worlds, a list of Python's as an array of NumPy's.
+
+        Raises:
+            DataError: if there is no such world.
+        """
+        if not isinstance(given, (*_PYTHONS, np.ndarray, np.generic)):
+            return given
+        numbers, count = np.asarray(given), len(self.elevation)
+        allowed = f"whole numbers from 0 to {count - 1} are allowed"
+        if numbers.size and numbers.dtype.kind not in "iu":
+            raise DataError(f"worlds of the type {numbers.dtype}: {allowed}")
+        beyond = numbers[(numbers < 0) | (numbers >= count)]
+        if beyond.size:
+            raise DataError(f"world {beyond[0]}: {allowed}")
+        return numbers.astype(np.int64) if isinstance(given, list | tuple) else given
 
     def _nodes(self, east: Any, north: Any) -> tuple[Any, Any, Any]:
         """Row and column of the node nearest to each point, and 0, or NaN where that is none."""
@@ -128,14 +149,14 @@ class Grounds:
         x = ((east - self.origin[0]) / self.spacing).clip(0, columns - 1)
         y = ((north - self.origin[1]) / self.spacing).clip(0, rows - 1)
         i, j = _whole(x, columns - 2), _whole(y, rows - 2)
-        z = self.elevation
+        z, world = self.elevation, self._worlds(world)
         corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
         return corners, x - i, y - j
 
 
 def _number(values: Any) -> Any:
-    """The same, a number of Python's as one of NumPy's."""
-    return np.float64(values) if isinstance(values, int | float) else values
+    """The same, numbers and lists of Python's as NumPy's."""
+    return np.asarray(values, np.float64)[()] if isinstance(values, _PYTHONS) else values
 
 
 def _whole(values: Any, most: int) -> Any:

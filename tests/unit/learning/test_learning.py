@@ -313,6 +313,53 @@ def test_batched_queries_equal_those_of_each_world(made):
     assert np.all(grounds.top_at(n, x, y)[on_rock] > height[on_rock] - 0.3)
 
 
+def test_queries_take_lists_and_numbers(made):
+    grounds = learning.Grounds.of(made.folders)
+    x, y = [1.0, -2.0], [0.5, 1]
+    for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.slope_at):
+        found = ask(np.array([0, 1]), np.array(x), np.array(y))
+        assert np.array_equal(ask([0, 1], x, y), found)
+        assert ask(1, x[1], y[1]) == found[1]
+        assert ask([0, 1], x, y[0])[0] == found[0]
+    assert grounds.height_at([], [], []).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("world", "found"),
+    [
+        (-1, "world -1"),
+        (np.int32(2), "world 2"),
+        ([0, 5], "world 5"),
+        (True, "worlds of the type bool"),
+        (np.array([True, False]), "worlds of the type bool"),
+        (0.0, "worlds of the type float64"),
+    ],
+)
+def test_a_query_in_a_world_that_is_not_there_is_refused(made, world, found):
+    grounds = learning.Grounds.of(made.folders)
+    for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.normal_at):
+        with pytest.raises(tf.DataError, match=f"^{found}: whole numbers from 0 to 1 are allowed$"):
+            ask(world, 0.0, 0.0)
+
+
+def test_a_height_field_is_laid_at_the_corner_or_in_the_worlds_frame(made):
+    import mujoco
+
+    world = tf.World.load(made.folders[0])
+    west, south, _, _ = world.ground.bounds
+    top = tf.rock_rasters(world)[0]
+    for own_frame, (x, y) in ((False, (0.0, 0.0)), (True, (west, south))):
+        spec = mujoco.MjSpec()
+        learning.add_to_spec(spec, world, own_frame=own_frame)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        place = np.array([x, y, 50.0]) + world.ground.spacing * np.array([30, 20, 0])
+        hit, down = np.zeros(1, np.int32), np.array([0.0, 0.0, -1.0])
+        distance = mujoco.mj_ray(model, data, place, down, None, 1, -1, hit)
+        assert 50.0 - distance == pytest.approx(top[20, 30], abs=1e-4)
+
+
 def test_queries_of_no_place_give_none(made):
     grounds = learning.Grounds.of(made.folders)
     for x, y in ((np.nan, 0.0), (np.array([0.5, np.nan]), np.array([np.nan, 0.5]))):
