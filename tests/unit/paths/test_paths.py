@@ -138,7 +138,7 @@ def test_a_trajectory_ends_where_its_samples_do():
     assert track.at([0.0 - 1e-9, 4.0 + 1e-9]).position[:, 0] == pytest.approx([0.0, 4.0], abs=1e-8)
     assert len(track.at([]).position) == 0
     for time in (-0.01, [1.0, 4.01], np.nan):
-        with pytest.raises(DataError, match="'line' lasts from 0.000000 to 4.000000 s"):
+        with pytest.raises(DataError, match=r"'line' lasts from 0\.000000 to 4\.000000 s"):
             track.at(time)
 
 
