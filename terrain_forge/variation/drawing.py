@@ -38,6 +38,10 @@ from terrain_forge.variation.difficulty import between, with_difficulty
 PLACES = 64
 """Random places of which the one of a world's difficulty is taken."""
 _CENTRE = "dtm.centre"
+_OF_PLACE = ("body", "dtm", "sun")
+"""Parts of a recipe of which only a plan, with the heights, tells whether they can be."""
+_SHOWN = 60
+"""Characters of a drawn value that a message shows."""
 _OWN = {
     "schema": "it is of the file",
     "name": "each is called by its number",
@@ -95,30 +99,35 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
             value = _value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
             _put(plain, key, value, where)
             values[key] = value
-    own = _checked(plain, ("worlds",))
-    _require_goals(own, spec.arrival.distance_m)
-    if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
-        rank = level if _ranked(spec, own, level) else None
-        own, site, place = _placed(own, recipe.seed, number, folder, spec, rank)
-        values[_CENTRE] = place
-    else:
-        site = plan(own, folder=folder)
+    try:
+        own = _checked(plain, ("worlds",))
+        _require_goals(own, spec.arrival.distance_m)
+        if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
+            rank = level if _ranked(spec, own, level) else None
+            own, site, place = _placed(own, recipe.seed, number, folder, spec, rank)
+            values[_CENTRE] = place
+        else:
+            site = plan(own, folder=folder)
+    except (RecipeError, DataError) as error:
+        varied = {key: value for key, value in values.items() if key in spec.vary}
+        raise _due(error, recipe, varied, folder) from None
     values["seed"] = own.seed
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
 
 
 def require_drawable(recipe: Recipe, folder: Path) -> None:
-    """Refuse what is drawn from, before a world is made, by the recipes at its ends.
+    """Refuse what is drawn from, before a world is made, by the recipes at its ends and the first.
 
     Args:
         recipe: With `worlds`, which says what differs.
         folder: What the recipe's paths are relative to.
 
     Raises:
-        RecipeError: for the first key, difficulty or choice that gives no recipe.
+        RecipeError, DataError: for the first key, difficulty or choice of which no world can be.
     """
     spec = recipe.worlds or WorldsSpec()
-    keys = {key: tuple(numbered(_plain(recipe), key.split("."))) for key in spec.vary}
+    keys = _keys(recipe)
+    placed = spec.difficulty is not None and spec.difficulty.place is not None
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
         if not _is_drawn(wish, where):
@@ -128,8 +137,10 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
         for step in range(steps + 1):
             chance, plain = step / max(steps, 1), _plain(recipe)
             level = None if spec.difficulty is None else chance
-            _put(plain, key, _value(wish, level, chance, where), where)
+            value = _value(wish, level, chance, where)
+            _put(plain, key, value, where)
             others = [other for name, other in keys.items() if name != key]
+            others += [("dtm", "centre")] * (placed and key != _CENTRE)
             # What is wrong beside the key, or together with another, that may set right.
             try:
                 own = _checked(plain, where)
@@ -137,12 +148,12 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
                 if f"cannot be: {place}:" in str(error):
                     raise
                 continue
-            try:
-                draft(own, folder=folder)
-            except RecipeError as error:
-                if _meet(error.key, keys[key]) and not any(_meet(error.key, o) for o in others):
-                    told = f"what is drawn cannot be: {dotted(error.key)}: {error}"
-                    raise RecipeError(told, key=where) from None
+            whole = keys[key][0] in _OF_PLACE
+            wrong = _wrong(own, spec, folder, whole=whole)
+            if wrong is None or any(_meet(wrong.key, other) for other in others):
+                continue
+            if _meet(wrong.key, keys[key]) or _stands(recipe, folder, whole=whole):
+                raise _drawn_wrong(wrong, where, value)
     if spec.difficulty is not None:
         low, high = np.broadcast_to(spec.difficulty.level, 2).tolist()
         if low > high:
@@ -152,6 +163,61 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
             plain = _plain(recipe)
             with_difficulty(plain, spec.difficulty, level)
             _checked(plain, ("worlds", "difficulty"))
+    draw(recipe, 0, folder=folder)  # what is wrong in all of them
+
+
+def _keys(recipe: Recipe) -> dict[str, Key]:
+    """Where in the recipe each key of `worlds.vary` stands."""
+    spec, plain = recipe.worlds or WorldsSpec(), _plain(recipe)
+    return {key: tuple(numbered(plain, key.split("."))) for key in spec.vary}
+
+
+def _wrong(
+    own: Recipe, spec: WorldsSpec, folder: Path, *, whole: bool
+) -> RecipeError | DataError | None:
+    """Why a world's recipe cannot be; what its terrain model says counts if `whole`."""
+    try:
+        _require_goals(own, spec.arrival.distance_m)
+        plan(own, folder=folder) if whole else draft(own, folder=folder)
+    except (RecipeError, DataError) as error:
+        return error
+    return None
+
+
+def _stands(recipe: Recipe, folder: Path, *, whole: bool) -> bool:
+    """Whether the recipe can be where nothing is drawn."""
+    own = _checked(_plain(recipe), ("worlds",))
+    return _wrong(own, recipe.worlds or WorldsSpec(), folder, whole=whole) is None
+
+
+def _drawn_wrong(error: RecipeError | DataError, where: Key, value: Any) -> RecipeError:
+    """What is wrong with a world, told at the key that drew the value which makes it so."""
+    shown = f"{value:g}" if isinstance(value, float) else json.dumps(value)
+    told = f"what is drawn cannot be: {dotted(error.key)}: {error} (drawn: {shown[:_SHOWN]})"
+    return RecipeError(told, key=where)
+
+
+def _due(
+    error: RecipeError | DataError, recipe: Recipe, drawn: dict[str, Any], folder: Path
+) -> RecipeError | DataError:
+    """What is wrong with a drawn world, told at the key of `worlds.vary` to which that is due.
+
+    It is the one that alone makes the recipe wrong, or else the one that the error is about.
+    """
+    for key, value in drawn.items():
+        where, plain = ("worlds", "vary", key), _plain(recipe)
+        _put(plain, key, value, where)
+        try:
+            own = _checked(plain, where)
+        except RecipeError as alone:
+            return alone
+        wrong = _wrong(own, recipe.worlds or WorldsSpec(), folder, whole=True)
+        if wrong is not None and _stands(recipe, folder, whole=True):
+            return _drawn_wrong(wrong, where, value)
+    for key, place in _keys(recipe).items():
+        if key in drawn and _meet(error.key, place):
+            return _drawn_wrong(error, ("worlds", "vary", key), drawn[key])
+    return error
 
 
 def _meet(one: Key, other: Key) -> bool:

@@ -128,7 +128,6 @@ def worlds(
         raise RecipeError(text, key=("worlds", "count"))
     orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
-    draw(recipe, 0, folder=folder)  # what is wrong in all of them is told at once
     require_apart(out, input_paths(recipe, folder))
     _require_ours(out, recipe, orders)
     told = partial(_told, out, count)

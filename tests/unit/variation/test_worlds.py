@@ -321,6 +321,8 @@ def test_goals_lie_within_the_world(tmp_path: Path) -> None:
         worlds(path, tmp_path / "out")
     assert told.value.key == ("worlds", "arrival", "distance_m")
     with pytest.raises(tf.RecipeError, match="half the diagonal"):
+        list(tf.check(path))
+    with pytest.raises(tf.RecipeError, match="half the diagonal"):
         make_grid(path, tmp_path / "out", shape=(1, 1))
     assert not (tmp_path / "out").exists()
 
@@ -428,6 +430,62 @@ def test_ends_that_no_world_can_have_are_refused_before_the_first(
             wrong()
         assert told.value.key == ("worlds", "vary", *vary)
     assert not (tmp_path / "out").exists()
+
+
+_SAMPLE = {"source": str(ROOT / "dtm_samples" / "gale_floor_synthetic.tif"), "size_m": [8.0, 8.0]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "wish", "why"),
+    [
+        (
+            {},
+            "terrain.spacing_m",
+            {"uniform": [0.1, 0.3]},
+            r"dtm\.size_m: 8 m is not a whole number .* cells of 0\.3 m.* \(drawn: 0\.3\)$",
+        ),
+        (
+            {},
+            "terrain.spacing_m",
+            {"uniform": [0.1, 0.2]},
+            r"dtm.*: 8 m is .* \(drawn: 0\.1\d+\)$",
+        ),
+        (
+            {"arrival": {"distance_m": 5.0}},
+            "dtm.size_m",
+            {"choice": [[8.0, 8.0], [4.0, 6.0]]},
+            r"worlds\.arrival\.distance_m: 5 m: at most 3\.606 m.* \(drawn: \[4\.0, 6\.0\]\)$",
+        ),
+        (
+            {"dtm": _SAMPLE, "difficulty": None},
+            "dtm.centre",
+            {"choice": [{"offset_m": [0, 0]}, {"offset_m": [5000, 0]}]},
+            r'dtm\.centre: the site needs columns .* \(drawn: \{"offset_m": \[5000, 0\]\}\)$',
+        ),
+        ({"dtm": _SAMPLE}, "body", {"choice": ["mars", "moon"]}, r'body: .* \(drawn: "moon"\)$'),
+    ],
+)
+def test_a_wrong_draw_is_told_at_its_own_key(
+    tmp_path: Path, changes: dict[str, Any], key: str, wish: dict[str, Any], why: str
+) -> None:
+    def change(plain: dict[str, Any]) -> None:
+        given = dict(changes)
+        plain["dtm"] = given.pop("dtm", plain["dtm"])
+        plain["worlds"] |= {"vary": {key: wish}, **given}
+
+    path = recipe(tmp_path, change)
+    for wrong in (lambda: worlds(path, tmp_path / "out"), lambda: list(tf.check(path))):
+        with pytest.raises(tf.RecipeError, match=rf"^what is drawn cannot be: {why}") as told:
+            wrong()
+        assert told.value.key == ("worlds", "vary", key)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_wrong_without_a_draw_is_told_at_its_own_key(tmp_path: Path) -> None:
+    path = recipe(tmp_path, lambda plain: plain["terrain"].update(spacing_m=0.3))
+    with pytest.raises(tf.RecipeError, match="8 m is not a whole number") as told:
+        worlds(path, tmp_path / "out")
+    assert told.value.key == ("dtm", "size_m")
 
 
 def test_what_another_key_may_set_right_is_not_refused(tmp_path: Path) -> None:
