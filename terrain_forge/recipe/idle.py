@@ -7,6 +7,7 @@ looked at.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import fields
@@ -16,8 +17,10 @@ from terrain_forge.base import Key, RecipeError, RecipeWarning, Spec
 from terrain_forge.recipe.exports import ExportOrder, export_orders
 from terrain_forge.recipe.renames import value_at
 from terrain_forge.recipe.schema import Recipe
+from terrain_forge.terrain import MaterialSpec, ReliefBand, SlopeBand
 
-_NEAR_PATHS = ("close_within_m", "pebbles_min_m")
+_PEBBLES = "pebbles_min_m"
+_NEAR_PATHS = ("close_within_m", _PEBBLES)
 """Options of exports, 0 for none, of what lies near paths."""
 
 
@@ -64,15 +67,21 @@ def warn_idle(message: str) -> None:
 
 def _all_idle(value: Any, key: Key = ()) -> Iterator[IdleKey]:
     """What all specs within a value say of their own fields."""
+    for spec, place in _specs(value, key):
+        yield from _told(spec, place)
+
+
+def _specs(value: Any, key: Key = ()) -> Iterator[tuple[Spec, Key]]:
+    """All specs within a value, and where each stands."""
     if isinstance(value, Spec):
-        yield from _told(value, key)
+        yield value, key
         steps = [(field.name, getattr(value, field.name)) for field in fields(value)]  # type: ignore[arg-type]
     elif isinstance(value, tuple | dict):
         steps = list(enumerate(value) if isinstance(value, tuple) else value.items())  # type: ignore[arg-type]
     else:
         return
     for step, inner in steps:
-        yield from _all_idle(inner, (*key, step))
+        yield from _specs(inner, (*key, step))
 
 
 def _told(spec: Spec, key: Key) -> Iterator[IdleKey]:
@@ -98,11 +107,36 @@ def _in_whole(recipe: Recipe) -> Iterator[IdleKey]:
         for name in _NEAR_PATHS:
             if getattr(order.options, name, 0.0):
                 yield from _near_paths(recipe, (*key, name))
+        yield from _no_pebbles(recipe, getattr(order.options, _PEBBLES, 0.0), (*key, _PEBBLES))
+    if recipe.dataset is not None:
+        yield from _no_pebbles(recipe, recipe.dataset.pebbles_min_m, ("dataset", _PEBBLES))
+    for spec, key in _specs(recipe):
+        yield from _below_cells(spec, recipe.terrain.spacing_m, key)
+
+
+def _no_pebbles(recipe: Recipe, smallest: float, key: Key) -> Iterator[IdleKey]:
+    """Why there are no pebbles from a diameter [m] on, if rocks are as small."""
+    told = [population.diameter_m[0] for population in recipe.rocks.populations]
+    least = min((diameter for diameter in told if diameter is not None), default=math.inf)
+    if smallest >= least:
+        why = f"pebbles are below the smallest rocks, {least:g} m, and {smallest:g} m is not"
+        yield IdleKey(key, why, True)
+
+
+def _below_cells(spec: Spec, spacing: float, key: Key) -> Iterator[IdleKey]:
+    """Lengths that are shorter than what the ground's nodes tell."""
+    name, cells = ("patch_m", 1) if isinstance(spec, MaterialSpec) else ("baseline_m", 2)
+    if isinstance(spec, MaterialSpec | SlopeBand | ReliefBand):
+        length, least = getattr(spec, name), cells * spacing
+        if length < least * (1.0 - 1e-9):
+            what = "a cell" if cells == 1 else "two cells"
+            why = f"{length:g} m is below {what} of the ground, {least:g} m, the least that counts"
+            yield IdleKey((*key, name), why, False)
 
 
 def _near_paths(recipe: Recipe, key: Key) -> Iterator[IdleKey]:
     """Why an option of what lies near paths has no effect, if it has none."""
-    pebbles = key[-1] == "pebbles_min_m"
+    pebbles = key[-1] == _PEBBLES
     if not recipe.paths:
         yield IdleKey(key, "there is no path", pebbles)
     elif pebbles and not recipe.rocks.populations:

@@ -66,7 +66,8 @@ class SlopeBand(Spec):
     fade_deg: Angle = 0.0
     """Angle beyond a bound within which the layer fades out [degrees]."""
     baseline_m: Positive = 1.0
-    """Length over which the slope is measured [m], rounded to whole cells, two at least."""
+    """Length over which the slope is measured [m], rounded to whole cells, two at least; at most
+    the site's longer side."""
 
     def __post_init__(self) -> None:
         _require_band(self.above_deg, self.below_deg, ("above_deg", "below_deg"))
@@ -83,7 +84,8 @@ class ReliefBand(Spec):
     fade_m: NotNegative = 0.0
     """What beyond a bound the layer fades out within [m]."""
     baseline_m: Positive = 2.0
-    """Length over which it is measured [m], rounded to whole cells, two at least."""
+    """Length over which it is measured [m], rounded to whole cells, two at least; at most the
+    site's longer side."""
 
     def __post_init__(self) -> None:
         _require_band(self.above_m, self.below_m, ("above_m", "below_m"))
@@ -146,9 +148,17 @@ class Mask(Spec):
         """Refuse a mask that a site cannot have; `key` is its place in the recipe.
 
         Raises:
-            RecipeError: for a path that does not exist.
+            RecipeError: for a path that does not exist, or a baseline longer than the site.
             DataError: for an image whose shape is not the site's, or that is no weight.
         """
+        for name in ("slope", "hollow", "roughness"):
+            band = getattr(self, name)
+            if band is not None and band.baseline_m > max(site.size):
+                raise RecipeError(
+                    f"{band.baseline_m:g} m: at most {max(site.size):g} m, the longer side of the "
+                    "site",
+                    key=(*key, name, "baseline_m"),
+                )
         if self.image is not None:
             _check_image(site.image(self.image), self.image, site, (*key, "image"))
         if self.route is not None:

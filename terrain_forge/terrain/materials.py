@@ -33,6 +33,8 @@ from terrain_forge.terrain.noise import octaves
 
 MOST_MATERIALS = 15
 """Materials that a recipe may have, besides the regolith."""
+WIDEST_PATCH = 10
+"""Lengths of the site that a patch may have at most."""
 _OCTAVES = 6
 _FALL = 0.6
 _SAMPLES, _QUANTILES = 256, 2048
@@ -83,7 +85,8 @@ class MaterialSpec(Spec):
     cover: Annotated[float, Interval(gt=0, le=1)] = 1.0
     """Share of that place which it covers, in patches with edges."""
     patch_m: Positive = 4.0
-    """Size of its largest patches [m]; each has finer ones at its edge."""
+    """Size of its largest patches [m], at most ten times the site's longer side; each has finer
+    ones at its edge."""
     rgb: tuple[Fraction, Fraction, Fraction] | None = None
     """sRGB colour of it where it is level, 0 to 1 each; without it by its kind, from the ground's.
     """
@@ -132,6 +135,13 @@ def check_materials(specs: tuple[MaterialSpec, ...], site: Site) -> None:
                 key=(*key, "name"),
             )
         named.add(spec.label.lower())
+        widest = WIDEST_PATCH * max(site.size)
+        if spec.patch_m > widest:
+            raise RecipeError(
+                f"{spec.patch_m:g} m: at most {widest:g} m, {WIDEST_PATCH} times the longer side "
+                "of the site, which would lie wholly in a patch or beside it",
+                key=(*key, "patch_m"),
+            )
         if spec.mask is not None:
             spec.mask.check(site=site, key=(*key, "mask"))
 

@@ -57,6 +57,33 @@ def test_an_idle_key_is_told_in_one_line(tmp_path, text, key):
     assert {warning.filename for warning in caught} == {__file__}
 
 
+@pytest.mark.parametrize(
+    ("material", "key"),
+    [
+        ("cover: 0.5, patch_m: 1.0e-6", "patch_m"),
+        ("mask: {hollow: {above_m: 0, baseline_m: 0.01}}", "mask.hollow.baseline_m"),
+        ("mask: {roughness: {above_m: 0, baseline_m: 0.19}}", "mask.roughness.baseline_m"),
+        ("mask: {slope: {above_deg: 5, baseline_m: 0.1}}", "mask.slope.baseline_m"),
+    ],
+)
+def test_a_length_below_what_the_ground_tells_is_told(tmp_path, material, key):
+    whole = f"{PLAIN.replace('0.1}', '0.1,')}  materials: [{{kind: sand, {material}}}]}}\n"
+    with pytest.warns(RecipeWarning) as caught:
+        load(tmp_path, whole)
+    (told,) = (str(warning.message) for warning in caught)
+    assert told.startswith(f"{tmp_path}/recipe.yaml:5: terrain.materials[0].{key}: has no effect: ")
+    assert " of the ground, 0." in told
+
+
+@pytest.mark.parametrize("part", ["exports: {glb: ", "exports: {usd: ", "dataset: "])
+def test_pebbles_as_large_as_rocks_are_refused(tmp_path, part):
+    whole = f"{PLAIN}{ROCKS}{PATH}{part}{{pebbles_min_m: 0.1}}" + "}" * part.count("{") + "\n"
+    with pytest.raises(
+        RecipeError, match=r":10: .*pebbles_min_m: has no effect: pebbles are below"
+    ):
+        load(tmp_path, whole)
+
+
 CONTRADICTING = [
     ("sun: {time: 2031-02-18T20:55:00Z, azimuth_deg: 250.0}", "sun.azimuth_deg"),
     ("sun: {ls_deg: 0, elevation_deg: 12.0}", "sun.elevation_deg"),

@@ -174,6 +174,15 @@ def test_each_material_is_felt_in_mujoco_and_the_ground_is_as_high_as_before(wor
         ),
         ([{"kind": "sand", "mask": {"hollow": {}}}], "above_m or below_m is needed"),
         ([{"kind": "sand", "name": f"s{n}", "cover": 0.5} for n in range(16)], "at most 15"),
+        ([{"kind": "sand", "cover": 0.5, "patch_m": 241}], "241 m: at most 240 m, 10 times the"),
+        *(
+            ([{"kind": "sand", "mask": {name: band | {"baseline_m": 25}}}], "25 m: at most 24 m")
+            for name, band in (
+                ("hollow", {"above_m": 0}),
+                ("roughness", {"above_m": 0}),
+                ("slope", {"above_deg": 5}),
+            )
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(materials, told):
