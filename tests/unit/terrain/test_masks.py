@@ -19,7 +19,8 @@ from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
 from terrain_forge.terrain.layer import LAYERS
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
-from terrain_forge.terrain.masks import HeightBand, Mask, RouteBand, SlopeBand, route_distance
+from terrain_forge.terrain.masks import HeightBand, Mask, RouteBand, SlopeBand
+from terrain_forge.terrain.route_distance import route_distance
 from tests.helpers import worlds
 
 
