@@ -150,7 +150,7 @@ def build(
     out: Path | None,
     seed: int | None,
     changes: tuple[str, ...],
-    only: str | None,
+    only: tuple[str, ...],
     drives: int | None,
     **how: Any,
 ) -> None:
@@ -185,13 +185,14 @@ def build(
 @OUT
 @click.option(
     "--only",
+    multiple=True,
     required=True,
     metavar="FORMATS",
     shell_complete=complete_exporters,
     help="Formats to write, such as usd.",
 )
 @FORCE
-def export(out: Path, only: str, force: bool) -> None:
+def export(out: Path, only: tuple[str, ...], force: bool) -> None:
     """Write further formats from the world built in OUT.
 
     A check that failed before and has nothing to do with them does not fail the command.
@@ -232,8 +233,12 @@ def validate(out: Path, quick: bool, **choice: Any) -> None:
 @click.option("--path", metavar="NAME", help="The path [default: the recipe's, or the first].")
 @click.option("--from", "begin", type=Number(), default=0.0, metavar="S", help="From when [s].")
 @click.option("--to", "end", type=Number(), metavar="S", help="Until when [s], without it.")
-@click.option("--only", metavar="SENSORS", help="Only these sensors, such as camera,imu.")
-@click.option("--formats", metavar="FORMATS", help="Also write these, such as kitti,rosbag2.")
+@click.option(
+    "--only", multiple=True, metavar="SENSORS", help="Only these sensors, such as camera,imu."
+)
+@click.option(
+    "--formats", multiple=True, metavar="FORMATS", help="Also write these, such as kitti,rosbag2."
+)
 @click.option("--motion", type=click.Choice(["path", "drive"]), help="What moves the rover.")
 @click.option("--quick", is_flag=True, help="Small pictures, few of them, for a first look.")
 @click.option("--workers", type=int, metavar="N", help="Measurements at once [default: cores].")
@@ -242,8 +247,8 @@ def record(
     out: Path,
     begin: float,
     end: float | None,
-    only: str | None,
-    formats: str | None,
+    only: tuple[str, ...],
+    formats: tuple[str, ...],
     workers: int | None,
     force: bool,
     **choice: Any,
@@ -259,7 +264,7 @@ def record(
     changes = {key: value for key, value in choice.items() if value}
     if changes.pop("quick", None):
         changes["profile"] = "quick"
-    if formats is not None:
+    if formats:
         changes["formats"] = names_of(formats, "--formats", "kitti,rosbag2")
     with Display(pipeline.record_stages()) as display:
         result = pipeline.record(

@@ -10,6 +10,7 @@ from terrain_forge.terminal import (
     FORCE,
     ONLY,
     OUT,
+    Command,
     Display,
     Number,
     Numbers,
@@ -20,7 +21,7 @@ from terrain_forge.terminal import (
 _STAGES = "rock library", "ground", "rocks", "paths", "writing", "validation", "report page"
 
 
-@click.command("cut")
+@click.command("cut", cls=Command)
 @OUT
 @click.option(
     "--centre", type=Numbers("120,-340"), required=True, metavar="EAST,NORTH",
@@ -41,7 +42,7 @@ def cut(
     centre: tuple[float, float],
     size: tuple[float, float],
     into: Path | None,
-    only: str | None,
+    only: tuple[str, ...],
     force: bool,
 ) -> None:
     """Make a world of its own of a part of the site in tiles that is built in OUT.

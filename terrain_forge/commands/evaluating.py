@@ -7,13 +7,14 @@ from pathlib import Path
 import click
 
 from terrain_forge.base import OutputError
-from terrain_forge.terminal import SCORING, Display, Number, Numbers
+from terrain_forge.terminal import SCORING, Command, Display, Number, Numbers
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--systems",
+    multiple=True,
     metavar="NAMES",
     help="Systems to run over the recording of OUT, such as kiss-icp,stereo-odometry, or .yaml "
     "files; by default all that are installed and find their sensors.",
@@ -30,7 +31,11 @@ from terrain_forge.terminal import SCORING, Display, Number, Numbers
 @click.option("--install", metavar="NAME", help="Make what a system needs.")
 @click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
 @click.option(
-    "--estimate", type=click.Path(path_type=Path), help="What a system told; more may follow."
+    "--estimate",
+    "estimates",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="What a system told; more may follow.",
 )
 @click.option(
     "--stamps",
@@ -62,13 +67,13 @@ from terrain_forge.terminal import SCORING, Display, Number, Numbers
 )
 def evaluate(
     paths: tuple[Path, ...],
-    systems: str | None,
+    systems: tuple[str, ...],
     binaries: tuple[str, ...],
     runs: int,
     listed: bool,
     install: str | None,
     truth: Path | None,
-    estimate: Path | None,
+    estimates: tuple[Path, ...],
     stamps: Path | None,
     maps: tuple[str, ...],
     area: tuple[float, float, float, float] | None,
@@ -100,13 +105,13 @@ def evaluate(
         return install_named(install)
     if out and not force:
         require_no_tables(out)
-    if truth and estimate:
-        return tell_scores(truth, (estimate, *paths), options=options, out=out, stamps=stamps)
-    if truth or estimate or len(paths) != 1:
+    if truth and estimates:
+        return tell_scores(truth, (*estimates, *paths), options=options, out=out, stamps=stamps)
+    if truth or estimates or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     status = 0
     if systems or binaries or not maps:
-        chosen = chosen_systems(systems, paths[0], binaries)
+        chosen = chosen_systems(",".join(systems) if systems else None, paths[0], binaries)
         with Display(report.evaluate_stages(chosen, runs)) as display:
             results = report.evaluate(
                 paths[0], chosen, runs=runs, options=options, force=force, progress=display

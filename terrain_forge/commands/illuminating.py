@@ -8,12 +8,12 @@ from typing import Any
 
 import click
 
-from terrain_forge.terminal import FORCE, SET, Display, Number, say
+from terrain_forge.terminal import FORCE, SET, Command, Display, Number, say
 
 _LENGTH = Number(0.0, 1e6, min_open=True)
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("recipe", metavar="RECIPE|OUT", type=click.Path(path_type=Path))
 @click.option(
     "--from", "begin", metavar="TIME", help="When it begins, UTC [default: the recipe's]."

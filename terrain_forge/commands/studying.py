@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from terrain_forge.terminal import FAILED_CHECK, Display, say
+from terrain_forge.terminal import FAILED_CHECK, Command, Display, say
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), help="Output folder [default: ./FILE's name]."

@@ -13,6 +13,7 @@ from terrain_forge.terminal import (
     RECIPE,
     SEED,
     SET,
+    Command,
     Display,
     names_of,
     say,
@@ -24,7 +25,7 @@ _MOST_TOLD = 5
 """Failures that the terminal shows."""
 
 
-@click.command(name="worlds")
+@click.command(name="worlds", cls=Command)
 @RECIPE
 @click.option(
     "-o", "--out", type=click.Path(path_type=Path), help="Folder of all [default: ./NAME-worlds]."
@@ -46,7 +47,7 @@ def make_worlds(
     grid: str | None,
     seed: int | None,
     changes: tuple[str, ...],
-    only: str | None,
+    only: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
 ) -> int:

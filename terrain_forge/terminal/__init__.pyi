@@ -21,6 +21,7 @@ from .options import RECIPE as RECIPE
 from .options import SCORING as SCORING
 from .options import SEED as SEED
 from .options import SET as SET
+from .options import Command as Command
 from .options import InOrder as InOrder
 from .options import Number as Number
 from .options import Numbers as Numbers

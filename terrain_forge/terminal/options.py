@@ -91,6 +91,7 @@ SEED = click.option("--seed", type=int, help="Use this seed instead of the recip
 
 ONLY = click.option(
     "--only",
+    multiple=True,
     metavar="FORMATS",
     shell_complete=complete_exporters,
     help="Write only these exports, such as sdf,glb: the recipe's, or others with their defaults.",
@@ -113,8 +114,27 @@ def side_by_side(command: F) -> F:
     return _WORKERS(_SCHEDULER(command))
 
 
-class InOrder(click.Group):
+class Command(click.Command):
+    """A command that refuses an option which is given twice and takes one value."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments.
+
+        Raises:
+            click.UsageError: if an option is there twice, of which the last value would count.
+        """
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for number, param in enumerate(given):
+            single = isinstance(param, click.Option) and not (param.multiple or param.is_eager)
+            if single and param in given[:number] and not ctx.resilient_parsing:
+                raise click.UsageError(f"{param.opts[-1]} is given twice: it takes one value", ctx)
+        return super().parse_args(ctx, args)
+
+
+class InOrder(Command, click.Group):
     """A group that lists its commands in the order of their use."""
+
+    command_class = Command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The order in which they are defined."""
@@ -123,15 +143,16 @@ class InOrder(click.Group):
 
 
 def names_of(
-    text: str | None, option: str = "--only", example: str = "sdf,mjcf"
+    texts: tuple[str, ...], option: str = "--only", example: str = "sdf,mjcf"
 ) -> tuple[str, ...] | None:
-    """The names with commas between them that an option was given.
+    """The names with commas between them that an option was given, once or several times.
 
     Raises:
         OutputError: if one is empty.
     """
-    if text is None:
+    if not texts:
         return None
+    text = ",".join(texts)
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
         raise OutputError(f"{option} {text!r}: names with commas between them, such as {example}")

@@ -244,7 +244,8 @@ def test_the_command_scores_files_and_goes_on_after_a_wrong_one(tmp_path):
     (tmp_path / "bad.tum").write_text("1 2 3\n")
     out = tmp_path / "scores"
     done = run(
-        *("evaluate", "--truth", files[0], "--estimate", files[1], tmp_path / "bad.tum", files[2]),
+        *("evaluate", "--truth", files[0], "--estimate", files[1]),
+        *("--estimate", tmp_path / "bad.tum", files[2]),
         *("--set", "align=all", "-o", out),
     )
     assert done.returncode == 2

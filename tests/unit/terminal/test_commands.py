@@ -15,7 +15,7 @@ from terrain_forge.exporters import sdf
 import terrain_forge as tf
 from terrain_forge.cli import cli
 from terrain_forge.recipe import json_schema, starters
-from terrain_forge.terminal import Number, say
+from terrain_forge.terminal import Number, names_of, say
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -309,3 +309,42 @@ def test_a_line_stays_short_though_all_of_it_is_escaped(capsys):
     line = capsys.readouterr().out
     assert len(line) < 2100
     assert line.endswith("end\n")
+
+
+def _commands(group=cli, words=()):
+    yield words, group
+    for name, command in getattr(group, "commands", {}).items():
+        yield from _commands(command, (*words, name))
+
+
+OPTIONS = [
+    (words, param)
+    for words, command in _commands()
+    for param in command.params
+    if isinstance(param, click.Option) and not (param.multiple or param.is_eager)
+]
+
+
+@pytest.mark.parametrize(("words", "option"), OPTIONS, ids=lambda x: str(getattr(x, "name", x)))
+def test_an_option_of_one_value_is_refused_the_second_time(words, option):
+    """In all commands and by any of its names; the last would win without a word."""
+    values = [] if option.is_flag else ["1"] * option.nargs
+    for other in option.opts:
+        done = run(*words, option.opts[0], *values, other, *values)
+        assert done.returncode == 2
+        line = f"terrain-forge: {option.opts[-1]} is given twice: it takes one value (see "
+        assert done.stderr.startswith(line)
+
+
+def test_names_of_lists_are_given_at_once_or_one_by_one():
+    """All options that take names with commas between them are read by the same function."""
+    assert names_of(("a", "b, c")) == ("a", "b", "c")
+    assert names_of(()) is None
+    takes_names = [
+        option.multiple
+        for _, command in _commands()
+        for option in command.params
+        if option.name in ("only", "formats", "systems", "estimates")
+    ]
+    assert len(takes_names) == 8
+    assert all(takes_names)
