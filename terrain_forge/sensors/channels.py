@@ -22,8 +22,10 @@ DISPARITY_FACTOR = 256.0
 """Values of a disparity image for a pixel, as in KITTI."""
 FLOW_FACTOR, FLOW_ZERO = 64.0, 32768.0
 """Values of a flow image for a pixel, and for no motion, as in KITTI."""
-_TURNS = 4
-"""How often a row is looked for that is exposed when it sees a place."""
+_TURNS = 60
+"""How often the row is looked for, at most, that is exposed when it sees a place."""
+_SETTLED = 1e-4
+"""By what the row changes at the end [pixels]."""
 _LIFT, _NEAR = 2e-4, 1e-3
 """What an occluder must be nearer than the point by: of the distance, and at least [m]."""
 
@@ -152,6 +154,8 @@ def flow_file(
 ) -> bytes:
     """Where each pixel's place is in the next picture, less where it is now, as KITTI writes it.
 
+    The time is continuous in the row: between rows the pose is that between theirs.
+
     Red is the columns' part and green the rows', 1/64 px a value, 32768 for none; blue is 1 where
     it is known: not on the rover itself, whose wheels turn.
 
@@ -165,7 +169,8 @@ def flow_file(
     """
     values = np.zeros((*exposure.depth.shape, 3), dtype=np.uint16)
     poses = (np.array(part, order="C") for part in (position, rotation, here))
-    turns = _TURNS if np.ptp(position, axis=0).any() else 1
+    rolls = np.ptp(position, axis=0).any() or np.ptp(rotation, axis=0).any()
+    turns = _TURNS if rolls else 1
     over_chunks(
         _follow, len(values), exposure.instance, points, rays_of(lens), lens, *poses, turns, values
     )
@@ -246,9 +251,11 @@ def _follow(  # type: ignore[no-untyped-def]
         for i in range(values.shape[1]):
             if instance[j, i] == BODY:
                 continue
-            row, u, v, seen = height // 2, 0.0, 0.0, False
+            row, u, v, seen = float(j), 0.0, 0.0, False
             ray = rays[j, i]
             for _ in range(turns):
+                first_row = max(min(int(row), height - 2), 0)
+                last_row, part = min(first_row + 1, height - 1), row - first_row
                 x = y = z = 0.0
                 for k in range(3):
                     if instance[j, i] == MISSED:
@@ -256,14 +263,16 @@ def _follow(  # type: ignore[no-untyped-def]
                             here[j, k, 0] * ray[0] + here[j, k, 1] * ray[1] + here[j, k, 2] * ray[2]
                         )
                     else:
-                        way = points[j, i, k] - position[row, k]
-                    x += way * rotation[row, k, 0]
-                    y += way * rotation[row, k, 1]
-                    z += way * rotation[row, k, 2]
+                        place = position[first_row, k]
+                        way = points[j, i, k] - place - part * (position[last_row, k] - place)
+                    one, other = rotation[first_row, k], rotation[last_row, k]
+                    x += way * (one[0] + part * (other[0] - one[0]))
+                    y += way * (one[1] + part * (other[1] - one[1]))
+                    z += way * (one[2] + part * (other[2] - one[2]))
                 u, v, seen = shown(lens, x, y, z)
-                if not seen:
+                before, row = row, min(max(v, 0.0), height - 1.0)
+                if not seen or abs(row - before) < _SETTLED:
                     break
-                row = min(max(int(np.floor(v + 0.5)), 0), height - 1)
             across, down = (u - i) * FLOW_FACTOR + FLOW_ZERO, (v - j) * FLOW_FACTOR + FLOW_ZERO
             if seen and 0.5 <= across < 65535.0 and 0.5 <= down < 65535.0:
                 values[j, i, 0], values[j, i, 1] = np.uint16(across + 0.5), np.uint16(down + 0.5)

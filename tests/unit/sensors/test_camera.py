@@ -23,7 +23,7 @@ from terrain_forge.sensors.flare import SunSeen, add_sun
 from terrain_forge.sensors.instruments.camera import CameraFrames
 from terrain_forge.sensors.instruments.stereo import StereoFrames
 from terrain_forge.sensors.labels import CLASSES
-from terrain_forge.sensors.lens import lens_of, project, rays_of
+from terrain_forge.sensors.lens import OPTICAL, lens_of, project, rays_of
 from tests.helpers import worlds
 from tests.helpers.rovers import morpheus
 
@@ -152,6 +152,31 @@ def test_flow_leads_to_the_same_place_in_the_next_picture(setting):
     assert np.ptp(flow[known][:, 0]) > 64
     last = _image(camera.measure(len(camera.times) - 1)["flow"])
     assert not last.any()
+
+
+def test_flow_of_a_rolling_shutter_is_at_the_time_of_the_place_in_the_row(setting):
+    """Where rows are slow: a place lies between rows, and is seen between their times."""
+    sensor = CameraSensor(
+        name="eye", channels=("depth", "flow", "class"), depth_factor=None, rate_hz=2.0,
+        rolling_shutter_s=0.4, **_MAST,
+    )  # fmt: skip
+    camera, number = CameraFrames(sensor, setting), 9
+    files = camera.measure(number)
+    flow = _image(files["flow"]).astype(float)
+    known = (flow[:, :, 2] == 1) & (_image(files["class"]) != CLASSES.index("sky"))
+    points = _points(camera, _array(files["depth"]), number)[known]
+    middle, last = camera.times[number + 1] / 1e9, sensor.height_px - 1
+    row = np.nonzero(known)[0].astype(float)
+    for _ in range(40):
+        state = camera.state(middle + 0.4 * (row / last - 0.5))
+        turned = np.einsum("nij,ni->nj", state.rotation @ OPTICAL, points - state.position)
+        pixels, seen = project(camera.lens("raw"), turned)
+        row = np.clip(pixels[:, 1], 0.0, last)
+    rows, columns = np.nonzero(known)
+    found = np.stack([columns, rows], -1) + (flow[known][:, :2] - 32768.0) / 64.0
+    assert seen.all()
+    assert np.ptp(row) > 0.5 * last
+    assert np.abs(found - pixels).max() < 1 / 128 + 1e-3
 
 
 def test_labels_are_what_rays_meet_and_tracks_are_behind(setting):
