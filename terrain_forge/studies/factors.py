@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ MOST_LEVELS = 1000
 """Levels of a factor."""
 RECORD = "record."
 """Begins the keys of levels that change which part is recorded, not the recipe."""
+_UNSET = object()
+"""What is nowhere set."""
 Changes = tuple[tuple[str, Any], ...]
 """Keys of a recipe, as a study writes them, and their values."""
 
@@ -148,8 +150,12 @@ class Base:
         """The recipe at some levels, and the changes that made it of its file.
 
         Raises:
-            RecipeError: names the factor's line.
+            RecipeError: names the factor's line, also where it undoes what another one sets.
         """
+        told = [("set", *change) for change in self._file.spec.set.items()]
+        told += [(SEEDS, "seed", seed)] * (SEEDS in self._file.spec.study)
+        told += [(name, *one) for name, level in factors.items() for one in level.changes]
+        self._require_kept(told)
         changes, ends = [*self._given, f"seed={seed}"], {}
         for name, level in factors.items():
             for key, value in level.changes:
@@ -175,14 +181,44 @@ class Base:
             told = f"{self._file.place(*key)}: {key[-1]}: {self.path.name}: {why}"
             raise RecipeError(told) from None
 
+    def _require_kept(self, changes: Iterable[tuple[str, str, Any]]) -> None:
+        """Refuse changes, each of a factor or `set`, of which a later one undoes an earlier one."""
+        held: list[tuple[str, str, Key, Any]] = []
+        for name, key, value in changes:
+            places = self._places(key)
+            for place in places:
+                for other, its, end, was in held:
+                    inside = end[: len(place)] == place and other != name
+                    if inside and dict(_ends(value)).get(end[len(place) :], _UNSET) != was:
+                        what = f"both set {key}" if key == its else f"set {key} and {its}"
+                        raise RecipeError(
+                            f"{self._file.place('study', name)}: {name!r} and {other!r} {what}, of "
+                            "which one would win: leave it to one of them"
+                        )
+            held += [(name, key, (*p, *end), v) for p in places for end, v in _ends(value)]
+
     def _written(self, key: str, value: Any) -> list[str]:
         """A change as the command line writes it, once for each place that a key names."""
+        text = json.dumps(value)
+        return [f"{'.'.join(map(str, place))}={text}" for place in self._places(key)]
+
+    def _places(self, key: str) -> list[Key]:
+        """The places that a key names."""
         words = tuple(key.replace("[", ".").replace("]", "").split("."))
         if not all(words):
             place = self._file.place("study", key)
             raise RecipeError(f"{place}: {key!r} must be a recipe's key, such as sun.elevation_deg")
-        text = json.dumps(value)
-        return [f"{'.'.join(map(str, place))}={text}" for place in places_of(self._plain, words)]
+        return places_of(self._plain, words)
+
+
+def _ends(value: Any) -> Iterator[tuple[Key, Any]]:
+    """The places of single values within a value, and these."""
+    inner = _children(value)
+    for step, child in inner:
+        for rest, end in _ends(child):
+            yield (step, *rest), end
+    if not inner:
+        yield (), value
 
 
 def _keys_of(study: Mapping[str, Any]) -> Iterator[str]:

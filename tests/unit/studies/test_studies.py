@@ -267,6 +267,45 @@ def test_studies_that_ship_are_known_by_name(name, tmp_path, monkeypatch):
     assert costs_of(study.cells[:1])[0].recording is not None
 
 
+@pytest.mark.parametrize(
+    ("was", "now", "line", "why"),
+    [
+        ("seeds: 2", "sun: {a: {}, b: {sensors.1.slip: 0.2}}", 7,
+         "'sun' and 'sensors.wheels.slip' set sensors.1.slip and sensors.wheels.slip"),
+        ("seeds: 2", "rocks.stones.k: [0.1, 0.2]", 7,
+         "'rocks.stones.k' and 'rocks.k' set rocks.stones.k and rocks.k"),
+        ("seeds: 2", "sun: {a: {sun.elevation_deg: 5}}\n      sun.elevation_deg: [1, 2]", 8,
+         "'sun.elevation_deg' and 'sun' both set sun.elevation_deg"),
+        ("seeds: 2", "sun.elevation_deg: [1, 2]\n      low: {a: {sun.elevation_deg: 3}, b: {}}", 8,
+         "'low' and 'sun.elevation_deg' both set sun.elevation_deg"),
+        ("seeds: 2", "sun.azimuth_deg: [1, 2]", 7, "'sun.azimuth_deg' and 'set' both set sun.azi"),
+        ("seeds: 2", "sun: [{azimuth_deg: 1}]", 7, "'sun' and 'set' set sun and sun.azimuth_deg"),
+        ("seeds: 2", "seeds: 2\n      seed: [1, 2]", 8, "'seed' and 'seeds' both set seed"),
+        ("seeds: 2", "record.to_s: [1, 2]\n      a: {b: {record.to_s: 4}}", 8,
+         "'a' and 'record.to_s' both set record.to_s"),
+        ("seeds: 2", "sun.elevation_deg: [1]\n      a: {b: {sun.elevation_deg: 1}}", 0, ""),
+    ],
+)  # fmt: skip
+def test_what_two_would_set_is_refused(was, now, line, why, written):
+    """By any names of the place, and where one is a part of the other."""
+    done = run("study", written((was, now)), "--list")
+    assert (done.returncode, len(done.complaints)) == ((2, 1) if why else (0, 0))
+    if why:
+        assert f"slip.yaml:{line}: " in done.complaints[0]
+        assert why in done.complaints[0]
+        assert done.complaints[0].endswith(", of which one would win: leave it to one of them")
+
+
+def test_a_key_within_what_set_gives_may_be_a_factor(written):
+    """The rig of all cells and one of its figures, which the rig leaves open."""
+    rig = "{name: wheels, kind: odometry}, {name: lidar, kind: lidar, horizontal_samples: 90}"
+    file = written(
+        ("set: {sun.azimuth_deg: 100}", f"set: {{sensors: [{rig}]}}"),
+        ("sensors.wheels.slip", "sensors.0.slip"),
+    )
+    assert len(study_of(read_study(file)).cells) == 8
+
+
 def test_a_system_without_its_sensors_is_refused_before_any_work(written, tmp_path):
     path = written(("systems: [wheel-odometry]", "systems: [wheel-odometry, imu]"))
     for words in (("study", path, "--list"), ("study", path, "-o", tmp_path / "out")):
