@@ -110,7 +110,7 @@ def _measured() -> float:
 def learn(
     expected: Mapping[str, float], taken: Mapping[str, float], work: Mapping[str, float]
 ) -> None:
-    """Take note of how long the stages of a build took [s]; what compiled anything is no measure.
+    """Take note of how long expected stages took [s]; what compiled anything is no measure.
 
     Where a stage took longer than the processors worked for it, the machine was busy with other
     things. Half of what was found counts, lest one build spoils the next estimates.
@@ -176,6 +176,11 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     }
     if recipe.validate and recipe.validate.consumers == "all":
         stages["validation"] += CONSUMER * len(orders) + 2 * exported * READING
+    return calibrated(stages)
+
+
+def calibrated(stages: Mapping[str, float]) -> dict[str, float]:
+    """Time of stages on this machine [s], by that on the machine of the rates."""
     slower, parts = _machine()
     return {stage: slower * parts.get(stage, 1.0) * seconds for stage, seconds in stages.items()}
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from terrain_forge.base import RecipeError, size_text
-from terrain_forge.building import pace
-from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site
+from terrain_forge.base import RecipeError, processors, size_text
+from terrain_forge.building import calibrated
+from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site, StereoSensor
 from terrain_forge.paths import duration
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.rig import QUICK
@@ -18,44 +18,63 @@ _INERTIAL = "imu", "inclinometer"
 """Kinds that measure the motion's second derivatives."""
 _BEYOND = 200.0
 """A rate so many times the highest frequency of a motion is far above it."""
-PIXEL = 1.2e-7, 0.45
-"""Time to make a pixel of a grey picture of 8 bits [s], and its bytes, on the machine of
-`building.pace`."""
-CHANNEL = 4e-8, 0.7
-"""Time and bytes that a further channel takes for each pixel."""
-RAY, POINT = 1.2e-7, 15.0
-"""Time of a lidar's ray [s], and bytes of its point, of which about half come back."""
+VIEW, PIXEL, COLOURED = 0.016, (5.5e-7, 0.45), 1.2
+"""Processor time of a look of a camera [s], and of each of its pixels, with the bytes of a grey one
+of 8 bits; and by how much it is longer in colour. On the machine of `building.calibrated`, as all
+times here; scenes differ by half."""
+CHANNEL = 1.2e-7, 0.7
+"""Processor time and bytes that a further channel takes for each pixel."""
+EYES = 2
+"""Channels that disparity is for each eye, with what the other one does not see."""
+SWEEP, RAY, POINT = 0.004, 2e-7, 15.0
+"""Processor time of a sweep and of each of its rays [s], and bytes of its point, of which about
+half come back."""
 ROW = 1e-6, 130.0
-"""Of a row of a table."""
+"""Of a row of a table that is measured."""
+LOAD, SCENE, REHEARSED, PAGE = 0.4, 0.8, 0.4, 1.5
+"""Time to read the world, to make the scene, to try the formats, to write the report page [s]."""
+DRIVEN = 0.1
+"""Time to simulate a second of a drive [s]."""
+LISTED, FORMAT = 1.5e-5, 1.8e-8
+"""Time to write a row of a table or list [s], and what a format takes for each byte of the
+recording."""
+ALONE = 0.2
+"""Part of the work that only one of several cores does at a time."""
 TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
 """Rows of the body's truth [Hz], and their bytes."""
 
 
 def measurement_cost(sensor: Sensor) -> tuple[float, float]:
-    """About the time [s] that a measurement takes, and the bytes of its files."""
-    parts = [_picture(p) for p in sensor.simple if isinstance(p, CameraSensor)]
+    """About the processor time [s] that a measurement takes, and the bytes of its files."""
+    both = isinstance(sensor, StereoSensor) and "disparity" in sensor.channels
+    more = EYES if both else 0
+    parts = [_picture(p, more) for p in sensor.simple if isinstance(p, CameraSensor)]
     parts += [_sweep(p) for p in sensor.simple if isinstance(p, LidarSensor)]
     seconds, size = zip(ROW, *parts, strict=True)
     return sum(seconds), sum(size)
 
 
-def _picture(camera: CameraSensor) -> tuple[float, float]:
+def _picture(camera: CameraSensor, more: int) -> tuple[float, float]:
     pixels, pictures = camera.width_px * camera.height_px, len(camera.images)
-    seen = pictures * camera.motion_blur
+    looks = pictures * (camera.motion_blur // 2 * 2 + 1)  # truth is of the middle
     values = pictures * (3 if camera.colour else 1) * (1 if camera.bits == 8 else 2)
-    more = len(camera.channels)
-    seconds = pixels * (PIXEL[0] * seen + CHANNEL[0] * more)
-    return seconds, pixels * (PIXEL[1] * values + CHANNEL[1] * more)
+    more += len(camera.channels)
+    each = VIEW + pixels * PIXEL[0] * (COLOURED if camera.colour else 1.0)
+    return looks * each + pixels * CHANNEL[0] * more, pixels * (
+        PIXEL[1] * values + CHANNEL[1] * more
+    )
 
 
 def _sweep(lidar: LidarSensor) -> tuple[float, float]:
     points = len(lidar.elevations) / (lidar.column_s * lidar.rate_hz)
-    return RAY * lidar.rays, POINT * points
+    return SWEEP + RAY * lidar.rays, POINT * points
 
 
-def seconds_of(sensor: Sensor) -> float:
-    """About the time that a measurement takes on this machine [s]."""
-    return pace() * measurement_cost(sensor)[0]
+def seconds_of(tasks: Iterable[tuple[Sensor, int]], workers: int | None = None) -> float:
+    """About the time that numbers of measurements take on this machine [s]."""
+    work = sum(count * measurement_cost(sensor)[0] for sensor, count in tasks)
+    share = ALONE + (1.0 - ALONE) / (workers or processors())
+    return calibrated({"recording": share * work})["recording"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +111,18 @@ def recording_cost(
     length = max(min(length, length if end is None else end) - begin, 0.0)
     counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
     costs = [measurement_cost(one) for one in recorded]
-    size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True))
-    size += TRUTH_RATE * TRUTH_ROW * length
-    size *= 1 + len({*spec.formats} - {"euroc"})  # a further format is about as large
+    rows = TRUTH_RATE * length
+    size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True)) + TRUTH_ROW * rows
+    formats = len({*spec.formats} - {"euroc"})
+    stages = {
+        "load": LOAD,
+        "scene": SCENE + (DRIVEN * length if spec.motion == "drive" else 0.0),
+        "rehearsal": REHEARSED + sum(seconds for seconds, _ in costs),
+        "tables": LISTED * (rows + 2.0 * sum(counts)),
+        "formats": FORMAT * formats * size,
+        "report page": PAGE,
+    }
+    recording = seconds_of(zip(recorded, counts, strict=True))
     return RecordingCost(
         length=length,
         frames=sum(
@@ -102,8 +130,8 @@ def recording_cost(
             for n, one in zip(counts, recorded, strict=True)
             if issubclass(kinds[one.kind], Frames)
         ),
-        seconds=pace() * sum(n * cost[0] for n, cost in zip(counts, costs, strict=True)),
-        size=size,
+        seconds=recording + sum(calibrated(stages).values()),
+        size=size * (1 + formats),  # a further format is about as large
     )
 
 

@@ -14,10 +14,10 @@ from terrain_forge.base import (
     size_text,
     telling_interrupts,
 )
-from terrain_forge.building import holding
+from terrain_forge.building import holding, learn
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
-from terrain_forge.recording.cost import seconds_of
+from terrain_forge.recording.cost import measurement_cost, seconds_of
 from terrain_forge.recording.early import require_formats
 from terrain_forge.recording.formats import formats_of, stale_formats, write_formats
 from terrain_forge.recording.index import dataset_folder, write_index
@@ -107,7 +107,6 @@ def record_dataset(
             if not store.holds(PLAN):
                 store.put(PLAN, plan_text(plan))
             _measure_all(store, work, watch)
-            watch("tables")
             streams = write_index(store, setting, work.rig, spec=spec, spans=work.spans)
             losses = write_formats(store, formats, watch)
             losses |= {name: (f"not made: {why}",) for name, why in lacking.items()}
@@ -123,11 +122,12 @@ def record_dataset(
 
 
 def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
-    """Make measurements side by side, and write each as a whole."""
+    """Make measurements side by side, write each as a whole, and note how long it took."""
     tasks, workers = work.tasks, work.order.workers or processors()
-    costs = [seconds_of(task.folder.sensor) for task in tasks]
+    costs = [measurement_cost(task.folder.sensor)[0] for task in tasks]
     whole, done = sum(costs), 0.0
-    watch.expect({"recording": whole})
+    expected = {"recording": seconds_of(((one.folder.sensor, 1) for one in tasks), workers)}
+    watch.expect(expected)
     watch("recording")
     since = time.monotonic()
     count = 0
@@ -145,3 +145,6 @@ def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
             rate = count / max(time.monotonic() - since, 1e-9)
             text = f"recording: {count:,} of {len(tasks):,}, {rate:.3g} a second"
             watch(text, done / whole if whole else 1.0)
+    watch("tables")
+    if tasks:
+        learn(expected, watch.seconds, watch.work)

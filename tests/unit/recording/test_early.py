@@ -3,12 +3,17 @@
 import re
 
 import pytest
+from pydantic import TypeAdapter
 
 from terrain_forge.base import RecipeError
+from terrain_forge.building import cost as building_cost
+from terrain_forge.building import learn
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
 from terrain_forge.recording import Order
-from terrain_forge.rovers import built_in_rovers, find_rover
+from terrain_forge.recording import cost as recording_cost
+from terrain_forge.recording.cost import measurement_cost
+from terrain_forge.rovers import AnySensor, built_in_rovers, find_rover
 from terrain_forge.sensors import require_free
 from tests.helpers.command_line import run
 
@@ -97,3 +102,55 @@ def test_options_of_formats_are_refused_with_file_and_line(option, message, tmp_
 def test_a_recording_may_end_at_any_time_after_the_motion(end):
     assert Order(end=end).span == Order().span
     assert Order(end=2.5).span == (0, 2_500_000_000)
+
+
+@pytest.fixture
+def reference(tmp_path, monkeypatch):
+    """A cache of the machine of the rates, of two cores."""
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    monkeypatch.setattr(building_cost, "_measured", lambda: 1.0)
+    monkeypatch.setattr(recording_cost, "processors", lambda: 2)
+
+
+_BARE = {"name": "x", "width_px": 320, "height_px": 240}
+_DISPARITY = {"kind": "stereo", "channels": ["depth", "disparity"]}
+
+
+@pytest.mark.parametrize(
+    ("figures", "seconds"),
+    [
+        ({}, 0.065),
+        ({"width_px": 64, "height_px": 48}, 0.016),
+        ({"width_px": 1280, "height_px": 720}, 0.51),
+        ({"motion_blur": 4}, 0.37),
+        ({"colour": True}, 0.085),
+        ({"channels": ["depth", "normals", "instance", "class", "shadow", "flow"]}, 0.11),
+        (_DISPARITY, 0.17),
+        ({"kind": "lidar", "preset": "vlp-16"}, 0.009),
+        ({"kind": "lidar", "preset": "os1-64"}, 0.0155),
+        ({"kind": "lidar", "preset": "livox-avia"}, 0.012),
+    ],
+)
+def test_a_measurement_takes_what_was_measured(figures, seconds):
+    """Processor time of the machine of the rates, in worlds of the tests of recordings."""
+    told = {
+        "kind": "camera",
+        **(_BARE if figures.get("kind") != "lidar" else {"name": "x"}),
+        **figures,
+    }
+    (sensor,) = TypeAdapter(tuple[AnySensor, ...]).validate_python([told])
+    assert seconds / 1.5 < measurement_cost(sensor)[0] < 1.5 * seconds
+
+
+@pytest.mark.usefixtures("reference")
+def test_the_time_of_a_recording_counts_all_that_is_done_and_is_learnt(told):
+    def minutes(more="", side=4000):
+        big = f"{{name: big, kind: camera, position_m: [0.4, 0, 1.2], width_px: {side}}}"
+        lines = told(10, "kind: imu}\ndataset: {", f"kind: imu}}\n- {big}\ndataset: {{{more}")
+        return float(re.search(r"about ([\d.]+) min", lines)[1])
+
+    large = minutes()
+    assert minutes(side=300) < large
+    assert minutes("formats: [rosbag2, rosbag1], ") > large
+    learn({"recording": 1.0}, {"recording": 4.0}, {"recording": 4.0})
+    assert minutes() > 1.5 * large
