@@ -61,9 +61,10 @@ def require_free(sensor: Sensor, rover: Rover) -> None:
         _require_outside(part, rover, Motion(path="", source="path", base=still))
         height = float(rover.origins[part.link][2] + part.position[2])
         if height <= 0.0:
+            below = f"{-height:.2g} m below the level of" if height < 0.0 else "at the level of"
             raise RecipeError(
-                f"{part.name!r} is {-height:.2g} m below the ground that the rover stands on: "
-                f"raise it by its position_m, now {_text(part.position)} m in {part.link!r}",
+                f"{part.name!r} is {below} the ground that the rover stands on: raise it "
+                f"by its position_m, now {_text(part.position)} m in {part.link!r}",
                 key=("sensors",),
             )
 
