@@ -98,7 +98,7 @@ def _require_room(
     free = shutil.disk_usage(place).free + gained
     if needed + _SPARE > free:
         raise StorageError(
-            f"{store.folder} cannot be written: what is missing needs about {size_text(needed)}, "
-            f"the disk has {size_text(free)} free, of which {size_text(_SPARE)} stay so; record "
+            f"{store.folder} cannot be written: what is missing needs about {size_text(needed)} "
+            f"and {size_text(_SPARE)} to spare, the disk has {size_text(free)} free; record "
             "less by --only, --from, --to or --quick"
         )

@@ -17,6 +17,7 @@ from terrain_forge.base import (
     DataError,
     OutputError,
     Progress,
+    RecipeError,
     StorageError,
     TerrainForgeError,
     ask_for_interrupt,
@@ -30,7 +31,7 @@ from terrain_forge.building import holding
 from terrain_forge.evaluation import Program
 from terrain_forge.making import plan
 from terrain_forge.recipe import expected_nodes, memory_needed, rocks_of
-from terrain_forge.recording import RecordingCost, dataset_folder, recording_cost
+from terrain_forge.recording import Order, RecordingCost, dataset_folder, recording_cost
 from terrain_forge.rovers import rover_of
 from terrain_forge.studies.cells import Cell, Study
 from terrain_forge.studies.spec import RecordSpec
@@ -70,9 +71,14 @@ def cell_cost(cell: Cell) -> CellCost:
     except TerrainForgeError as error:
         raise type(error)(f"{cell.title}: {file.locate(error)}") from None
     sensors = rover_of(site).sensors
+    part = RecordSpec(**cell.job["record"])
+    try:
+        Order(only=tuple(part.only)).require_named(sensors)
+    except OutputError as error:
+        why = str(error).removeprefix("--only ")
+        raise RecipeError(f"{cell.told}: record.only: {why}") from None
     names = sensors_for(cell.job, sensors)
     chosen = [one for one in sensors if not names or one.name in names]
-    part = RecordSpec(**cell.job["record"])
     return CellCost(
         memory=memory_needed(expected_nodes(file.recipe), rocks_of(site)),
         recording=recording_cost(site, chosen, begin=part.from_s, end=part.to_s),
@@ -192,8 +198,8 @@ def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool, 
     if needed + SPARE > free:
         what = f"{len(missing)} recordings that are kept" if keep else f"{jobs} recordings at once"
         raise StorageError(
-            f"{out} cannot be written: {what} need about {size_text(int(needed))}, the disk has "
-            f"{size_text(free)} free, of which {size_text(SPARE)} stay so; record less by "
+            f"{out} cannot be written: {what} need about {size_text(int(needed))} and "
+            f"{size_text(SPARE)} to spare, the disk has {size_text(free)} free; record less by "
             f"`record: {{to_s: …}}`{', or leave out `keep`' if keep else ', or give fewer --jobs'}"
         )
     return jobs

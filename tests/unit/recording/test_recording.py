@@ -283,7 +283,7 @@ def test_bad_orders_are_refused_before_anything_is_written(world, tmp_path):
     short = arc.replace(time=arc.time[:2], position=arc.position[:2], rpy=arc.rpy[:2])
     with pytest.raises(tf.OutputError, match=r"lasts 0\.0833 s, sensor 'eye' takes 0\.5 s"):
         tf.record(world.replace(trajectories=(short,)), tmp_path, still_s=0.0, ramp_s=0.0)
-    with pytest.raises(RecipeError, match="the world has no path that the rover could"):
+    with pytest.raises(RecipeError, match="a recording needs a path that the rover follows"):
         tf.record(world.replace(trajectories=()), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
@@ -292,7 +292,9 @@ def test_a_disk_too_small_is_refused_and_a_full_one_leaves_no_half(world, tmp_pa
     usage = shutil.disk_usage(tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=2**24 + 5000))
-        with pytest.raises(StorageError, match=r"about [\d.]+ kB, the disk has 16\.8 MB free"):
+        with pytest.raises(
+            StorageError, match=r"about [\d.]+ kB and 16\.8 MB to spare, the disk has 16\.8 MB free"
+        ):
             tf.record(world, tmp_path)
     assert not (tmp_path / "dataset").exists()
     written = Path.write_bytes
