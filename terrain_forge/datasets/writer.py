@@ -28,8 +28,8 @@ from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.streams import RecordedSensor
 from terrain_forge.model import ExportReport, options_adapter
 
-Need = Literal["two cameras", "a lidar", "depth", "class"]
-"""What a rig must have: sensors, or channels of a camera."""
+Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth", "class"]
+"""What a rig must have: sensors, or pictures or channels of a camera."""
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
@@ -53,7 +53,8 @@ class DatasetWriter:
     needs: ClassVar[tuple[Need, ...]] = ()
     """What every recording in it needs of a rig, so that a recipe without is refused at once."""
     naming: ClassVar[tuple[str, ...]] = ()
-    """Options that name sensors, so that a recipe with a wrong name is refused at once."""
+    """Options that name sensors, so that a recipe with a wrong name is refused at once; one that is
+    called as a kind of sensor, such as `lidar`, names one of these."""
 
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording that lacks what the format needs, before anything is written.
@@ -204,6 +205,6 @@ def one_of(found: tuple[_Sensor, ...], name: str, what: str, kind: str) -> _Sens
         if name in ("", one.key, one.name) and one.span:
             return one
     if found and name:
-        known = ", ".join(one.key for one in found)
+        known = ", ".join(f"{one.key} ({one.name})" for one in found)
         raise ExportError(f"{kind}: no {what} {name!r} was recorded, there are: {known}")
     raise ExportError(f"{kind} needs a {what}, and the recording has none")

@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 _WIDTH = 0.004
 """Standard deviation of the Gaussian that the low-pass is made of [s]."""
-_STEP = 0.004
+STEP = 0.004
 """Time between a curve's samples, as near as whole looks come [s]."""
 _REACH = 4.0
 """Standard deviations after which the Gaussian is cut off."""
@@ -90,7 +90,7 @@ def motion_of_log(
 
     The low-pass is 2 G - G² of a Gaussian G: flat up to 20 Hz, and a jolt swings over by 3 %, once.
     """
-    every = max(round(_STEP / log.step), 1)
+    every = max(round(STEP / log.step), 1)
     # What the low-pass and the curve foretell of the start does not reach into the standing.
     looks = round((still + 2.0 * _REACH * _WIDTH) / log.step) + 3 * every if still > 0.0 else 0
     turning = np.unwrap(rpy_from_quaternion(log.quaternion), axis=0)

@@ -3,40 +3,73 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
-from terrain_forge.base import RecipeError, hint_at
+from terrain_forge.base import Key, RecipeError, hint_at
 from terrain_forge.datasets import dataset_kind
-from terrain_forge.model import CameraSensor, LidarSensor, Rover, simple_sensors
+from terrain_forge.model import CameraSensor, LidarSensor, Rover, Sensor, simple_sensors
 from terrain_forge.recipe import DatasetSpec, Recipe
+from terrain_forge.recording.driven import STEP
 from terrain_forge.recording.formats import formats_of
-from terrain_forge.recording.setting import as_recorded
+from terrain_forge.recording.setting import as_recorded, named_path
 from terrain_forge.rovers import MoreSensors
 from terrain_forge.sensors import instrument_kinds, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
-    """Refuse sensors of a recipe that would see the rover's inside or the soil, and formats.
+    """Refuse a recording that cannot be made of a recipe's world, as far as that is known before.
 
     Args:
-        recipe: The recipe.
+        recipe: The recipe; without a `dataset` its sensors alone are looked at.
         rover: Its rover, which carries them.
 
     Raises:
-        RecipeError: for the first that is wrong.
+        RecipeError: for the first that is wrong: path, rig, format, mount or rate.
     """
-    if recipe.dataset is not None:
-        require_formats(recipe.dataset, rover)
+    spec = recipe.dataset
+    if spec is not None:
+        named_path([path.name for path in recipe.paths], spec.path)
+        require_rig(spec, rover)
+        require_formats(spec, rover)
     listed = recipe.sensors or ()
-    key: tuple[str, ...] = ("sensors",)
+    key: Key = ("sensors",)
     if isinstance(listed, MoreSensors):
         listed, key = listed.add, ("sensors", "add")
+    places: dict[str, Key] = {}
     for number, sensor in enumerate(listed):
-        try:
+        places[sensor.name] = (*key, number)
+        with _at((*key, number, "position_m")):
             require_free(sensor, rover)
-        except RecipeError as error:
-            raise RecipeError(str(error), key=(*key, number, "position_m")) from None
+    if spec is not None and spec.motion == "drive":
+        for sensor in as_recorded(rover.sensors, spec):
+            place = places.get(sensor.name)
+            with _at((*place, "rate_hz") if place else ("dataset", "motion")):
+                if kind := instrument_kinds().get(sensor.kind):
+                    kind.require_logged(sensor, STEP)
+
+
+@contextmanager
+def _at(key: Key) -> Iterator[None]:
+    """Errors within are of a key of the recipe."""
+    try:
+        yield
+    except RecipeError as error:
+        raise RecipeError(str(error), key=key) from None
+
+
+def require_rig(spec: DatasetSpec, rover: Rover) -> None:
+    """Refuse a rover without any sensor that is recorded.
+
+    Raises:
+        RecipeError: if there is none.
+    """
+    if not any(one.kind in instrument_kinds() for one in as_recorded(rover.sensors, spec)):
+        raise RecipeError(
+            f"a recording needs a sensor that is recorded, and the rover has {_carried(rover)}",
+            key=("sensors",),
+        )
 
 
 def require_formats(spec: DatasetSpec, rover: Rover) -> None:
@@ -47,36 +80,55 @@ def require_formats(spec: DatasetSpec, rover: Rover) -> None:
     """
     rig = simple_sensors(as_recorded(rover.sensors, spec))
     cameras = [one for one in rig if isinstance(one, CameraSensor)]
-    there = {
-        "two cameras": len(cameras) > 1,
-        "a lidar": any(isinstance(one, LidarSensor) for one in rig),
-        **{name: any(name in one.channels for one in cameras) for name in ("depth", "class")},
-    }
+    lidar = any(isinstance(one, LidarSensor) for one in rig)
     for name, options in formats_of(spec).items():
-        _require_names(name, options, {one.name for one in rig})
+        _require_names(name, options, rig)
+        asked = options.get("camera")
+        used = [one for one in cameras if one.name == asked] or cameras
+        there = {
+            "two cameras": len(cameras) > 1,
+            "pictures without distortion": any(map(_is_straight, used)),
+            "a lidar": lidar,
+            **{name: any(name in one.channels for one in used) for name in ("depth", "class")},
+        }
         for need in dataset_kind(name).needs:
             if there[need]:
                 continue
             why = f"and the rover has {_carried(rover)}"
+            whose = f"camera {asked!r} does not record" if used != cameras else "no camera records"
             if need in ("depth", "class"):
                 full = ", and record with profile: full" if spec.profile == "quick" else ""
-                why = f"which no camera records: give it channels: [{need}]{full}"
+                why = f"which {whose}: give it channels: [{need}]{full}"
+            elif need == "pictures without distortion":
+                why = f"which {whose}: give it images: [rectified], or [raw, rectified]"
             raise RecipeError(
                 f"format {name!r} needs {need}, {why}",
                 key=("dataset", "formats"),
             )
 
 
-def _require_names(kind: str, options: Mapping[str, Any], known: Set[str]) -> None:
-    """Refuse an option of a format that names a sensor which there is not; folders are let pass."""
-    words = "|".join(re.escape(one.folder) for one in instrument_kinds().values())
+def _is_straight(camera: CameraSensor) -> bool:
+    """Whether it records pictures without distortion."""
+    return camera.distortion is None or "rectified" in camera.images
+
+
+def _require_names(kind: str, options: Mapping[str, Any], rig: Sequence[Sensor]) -> None:
+    """Refuse an option of a format that names a sensor which there is not; folders are let pass.
+
+    An option that is called as a kind of sensor names one of these.
+    """
     for option in dataset_kind(kind).naming:
+        kinds, what = instrument_kinds(), "sensor"
+        if option in kinds:
+            kinds, what = {option: kinds[option]}, option
+        known = [one.name for one in rig if one.kind in kinds]
+        words = "|".join(re.escape(one.folder) for one in kinds.values())
         told = options.get(option) or ()
         for name in (told,) if isinstance(told, str) else told:
             if name not in known and not re.fullmatch(f"({words})[0-9]+", name):
-                there = f"there are: {', '.join(sorted(known))}"
+                there = f"there are: {', '.join(sorted(known)) or 'none'}"
                 raise RecipeError(
-                    f"format {kind!r}: no sensor {name!r}{hint_at(name, known)}, {there}",
+                    f"format {kind!r}: no {what} {name!r}{hint_at(name, known)}, {there}",
                     key=("dataset", "formats", kind, option),
                 )
 

@@ -18,7 +18,7 @@ from terrain_forge.building import holding, learn
 from terrain_forge.model import World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.cost import measurement_cost, seconds_of
-from terrain_forge.recording.early import require_formats
+from terrain_forge.recording.early import require_formats, require_rig
 from terrain_forge.recording.formats import formats_of, stale_formats, write_formats
 from terrain_forge.recording.index import dataset_folder, write_index
 from terrain_forge.recording.order import Order
@@ -83,6 +83,7 @@ def record_dataset(
     formats = formats_of(spec)
     folder = dataset_folder(out)
     rigged = with_rig(world, spec)
+    require_rig(spec, rigged.rover)
     order.require_named(rigged.rover.sensors)
     if order.all_formats:
         require_formats(spec, rigged.rover)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
@@ -57,17 +57,26 @@ def with_path(world: World, spec: DatasetSpec, *, path: str | None = None) -> Da
         RecipeError: if the world has no path, or none of that name.
     """
     names = [one.name for one in world.trajectories]
+    return replace(spec, path=named_path(names, path or spec.path))
+
+
+def named_path(names: Sequence[str], asked: str | None) -> str:
+    """The path of a recording: that which is asked for, or the first of some names.
+
+    Raises:
+        RecipeError: if there is none, or none of that name.
+    """
     if not names:
         raise RecipeError(
-            "the world has no path that the rover could follow: give the recipe one and build it "
-            "again",
+            "a recording needs a path that the rover follows, and the world has none: give the "
+            "recipe one, and build its world with that",
             key=("paths",),
         )
-    named = path or spec.path or next(iter(names), "")
+    named = asked or names[0]
     if named not in names:
         what = f"no path is called {named!r}{hint_at(named, names)}, the world has"
         raise RecipeError(f"{what}: {', '.join(names)}", key=("dataset", "path"))
-    return replace(spec, path=named)
+    return named
 
 
 @contextmanager

@@ -132,6 +132,14 @@ class Instrument:
         """What a reader must know of the sensor, as plain data in SI units."""
         raise NotImplementedError
 
+    @classmethod
+    def require_logged(cls, sensor: Sensor, step: float) -> None:
+        """Refuse a sensor that measures more often than a drive is logged, each step [s].
+
+        Raises:
+            RecipeError: says how often that is.
+        """
+
     def check(self) -> None:
         """Refuse what cannot be measured, before anything is.
 

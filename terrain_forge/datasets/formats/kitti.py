@@ -45,7 +45,7 @@ class Kitti(DatasetWriter):
     kind: ClassVar[str] = "kitti"
     title: ClassVar[str] = "KITTI odometry"
     Options: ClassVar[type[Spec]] = Options
-    needs: ClassVar[tuple[Need, ...]] = ("two cameras",)
+    needs: ClassVar[tuple[Need, ...]] = ("two cameras", "pictures without distortion")
     naming: ClassVar[tuple[str, ...]] = ("camera", "lidar")
 
     def check(self, recording: Recording, options: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, RecipeError, kernel, mix, normal
-from terrain_forge.model import ImuSensor
+from terrain_forge.model import ImuSensor, Sensor
 from terrain_forge.sensors.instrument import NANOSECONDS, Series, Setting, Stream
 
 _AT_ONCE = 20_000
@@ -60,19 +60,29 @@ class Imu(Series):
             "true_response": self._response.ravel().tolist(),
         }
 
+    @classmethod
+    def require_logged(cls, sensor: Sensor, step: float) -> None:
+        """Refuse more samples than the drive has.
+
+        Raises:
+            RecipeError: says how many that are.
+        """
+        if sensor.rate_hz * step > 1.0 + 1e-9:
+            raise RecipeError(
+                f"{sensor.name!r}: rate_hz {sensor.rate_hz:g} is more than a drive is logged at, "
+                f"{1.0 / step:g} Hz",
+                key=("sensors",),
+            )
+
     def check(self) -> None:
         """Refuse more samples than the motion has.
 
         Raises:
-            RecipeError: naming the sensor's rate.
+            RecipeError: says how many that are.
         """
         motion = self.setting.motion
-        if motion.source == "drive" and self.sensor.rate_hz * motion.base.step > 1.0 + 1e-9:
-            raise RecipeError(
-                f"{self.sensor.name!r}: rate_hz {self.sensor.rate_hz:g} is more than the drive is "
-                f"logged at, {1.0 / motion.base.step:g} Hz",
-                key=("sensors",),
-            )
+        if motion.source == "drive":
+            self.require_logged(self.sensor, motion.base.step)
 
     def samples(self) -> dict[str, Array]:
         """Rates [rad/s] and specific forces [m/s²] by EuRoC's names, in the sensor's frame."""

@@ -42,7 +42,9 @@ def test_what_a_format_needs(tmp_path, bare, recording):
     for (kind, found), message in cases.items():
         with pytest.raises(ExportError, match=message):
             write_dataset(found, kind, tmp_path / "out")
-    with pytest.raises(ExportError, match="clouds: no lidar 'top' was recorded, there are: lidar0"):
+    with pytest.raises(
+        ExportError, match=r"clouds: no lidar 'top' was recorded, there are: lidar0 \("
+    ):
         write_dataset(recording, "clouds", tmp_path / "out", {"lidar": "top"})
     mast = recording.about | {"moving_links": ["mast"], "links": {"lidar0": "mast"}}
     for kind, options in (("kitti", {}), ("clouds", {"map": True}), ("clouds", {"deskew": True})):

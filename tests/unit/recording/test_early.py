@@ -8,12 +8,13 @@ from pydantic import TypeAdapter
 from terrain_forge.base import RecipeError
 from terrain_forge.building import cost as building_cost
 from terrain_forge.building import learn
+from terrain_forge.making import plan
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import load_recipe
 from terrain_forge.recording import Order
 from terrain_forge.recording import cost as recording_cost
 from terrain_forge.recording.cost import measurement_cost
-from terrain_forge.rovers import AnySensor, built_in_rovers, find_rover
+from terrain_forge.rovers import AnySensor, built_in_rovers, find_rover, rover_of
 from terrain_forge.sensors import require_free
 from tests.helpers.command_line import run
 
@@ -58,7 +59,7 @@ def test_a_path_longer_than_a_frame_has_a_cost(told):
         ("kind: imu", "kind: imu, rate_hz: 9999", True),
         ("kind: imu", "kind: imu, rate_hz: 1000", False),
         ("kind: imu}\ndataset: {path", "kind: imu, rate_hz: 9999}\ntiles: null # {path", True),
-        ("imu}\ndataset: {", "imu, rate_hz: 9999}\ndataset: {motion: drive, ", False),
+        ("imu}\ndataset: {", "imu, rate_hz: 250}\ndataset: {motion: drive, ", False),
     ],
 )
 def test_a_rate_far_above_what_a_path_holds_is_warned_of(told, was, now, warned):
@@ -104,6 +105,52 @@ def test_a_recording_may_end_at_any_time_after_the_motion(end):
     assert Order(end=2.5).span == (0, 2_500_000_000)
 
 
+_BENT = "distortion: {kind: radtan, k: [-0.1, 0, 0, 0]}"
+_PAIR = f"{{name: pair, kind: stereo, position_m: [0.4, 0, 1], {_BENT}}}"
+_EYE = "{name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}"
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "message"),
+    [
+        (f"{_EYE}\n- {{name: imu, kind: imu}}", f"{_PAIR}~formats: [kitti]",
+         "11: dataset.formats: .*'kitti' needs "
+         r"pictures without distortion, which no camera records: give it images: \[rectified\]"),
+        (f"{_EYE}\n- {{name: imu, kind: imu}}",
+         f"{_PAIR[:-1]}, images: [raw, rectified]}}~formats: [kitti]", ""),
+        ("{name: imu, kind: imu}", "{name: lid, kind: lidar, position_m: [0, 0, 1.5]}~formats: "
+         "{clouds: {lidar: eye}}", r"12: .*clouds.lidar: .*no lidar 'eye', there are: lid$"),
+        ("{name: imu, kind: imu}", "{name: lid, kind: lidar, position_m: [0, 0, 1.5]}~formats: "
+         "{clouds: {lidar: cam0}}", r"12: .*clouds.lidar: .*no lidar 'cam0', there are: lid$"),
+        (_EYE, f"{_EYE[:-1]}, channels: [depth]}}\n{_EYE.replace('eye', 'bare').join(['- ', ''])}"
+         "~formats: {tum: {camera: bare}}", "13: dataset.formats: "
+         r".*'tum' needs depth, which camera 'bare' does not record"),
+        ("kind: imu}", "kind: imu, rate_hz: 400}~motion: drive",
+         r"11: sensors\[1\].rate_hz: 'imu': rate_hz 400 is more than a drive is logged at, 250 Hz"),
+        ("kind: imu}", "kind: imu, rate_hz: 250}~motion: drive", ""),
+        ("- {name: ahead, route: {kind: polyline, points_m: [[0, 0], [2, 0]]}, speed_m_s: 0.5, "
+         "rate_hz: 10}\n", "", r"7: paths: a recording needs a path .* the world has none"),
+        ("sensors:\n- {name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}\n"
+         "- {name: imu, kind: imu}", "sensors: []", "9: sensors: a recording needs a sensor"),
+        ("[0.4, 0, 1]", "[0.4, 0, 0]", r"10: .*'eye' is at the level of the ground .*: raise it"),
+        ("[0.4, 0, 1]", "[0.4, 0, -1]", r"10: .*'eye' is 1 m below the level of the ground"),
+    ],
+)  # fmt: skip
+def test_what_no_recording_can_be_is_refused_with_file_and_line(was, now, message, tmp_path):
+    file, (now, _, more) = tmp_path / "early.yaml", now.partition("~")
+    recipe = RECIPE.replace("RATE", "5")
+    if was.startswith("- {name: ahead"):
+        recipe = recipe.replace("paths:\n", "paths: []\n").replace("path: ahead, ", "")
+    assert was in recipe
+    recipe = recipe.replace(was, now)
+    if more:
+        recipe = recipe.replace("still_s: 0, ", f"still_s: 0, {more}, ")
+    file.write_text(recipe)
+    done = run("check", file)
+    assert (done.returncode, len(done.complaints)) == ((2, 1) if message else (0, 0)), done.stderr
+    assert re.search(f"early.yaml:{message}" if message else "", "".join(done.complaints))
+
+
 @pytest.fixture
 def reference(tmp_path, monkeypatch):
     """A cache of the machine of the rates, of two cores."""
@@ -143,14 +190,19 @@ def test_a_measurement_takes_what_was_measured(figures, seconds):
 
 
 @pytest.mark.usefixtures("reference")
-def test_the_time_of_a_recording_counts_all_that_is_done_and_is_learnt(told):
-    def minutes(more="", side=4000):
+def test_the_time_of_a_recording_counts_all_that_is_done_and_is_learnt(tmp_path):
+    def seconds(more="", side=2000):
         big = f"{{name: big, kind: camera, position_m: [0.4, 0, 1.2], width_px: {side}}}"
-        lines = told(10, "kind: imu}\ndataset: {", f"kind: imu}}\n- {big}\ndataset: {{{more}")
-        return float(re.search(r"about ([\d.]+) min", lines)[1])
+        (tmp_path / "early.yaml").write_text(
+            RECIPE.replace("RATE", "10")
+            .replace("sensors:\n", f"sensors:\n- {big}\n")
+            .replace("dataset: {", f"dataset: {{{more}")
+        )
+        site = plan(load_recipe(tmp_path / "early.yaml").recipe)
+        return recording_cost.recording_cost(site, rover_of(site).sensors).seconds
 
-    large = minutes()
-    assert minutes(side=300) < large
-    assert minutes("formats: [rosbag2, rosbag1], ") > large
+    large = seconds()
+    assert seconds(side=300) < large
+    assert seconds("formats: [rosbag2, rosbag1], ") > large
     learn({"recording": 1.0}, {"recording": 4.0}, {"recording": 4.0})
-    assert minutes() > 1.5 * large
+    assert seconds() > 1.5 * large
