@@ -33,6 +33,8 @@ class Cell:
     """Seed of its world."""
     recipe: RecipeFile
     """Its recipe."""
+    told: str = ""
+    """File and line that say what is recorded, for messages."""
     job: dict[str, Any]
     """All that it takes to make it, as JSON values."""
 
@@ -115,7 +117,9 @@ def _cell(file: StudyFile, base: Base, levels: Mapping[str, Level], seed: int) -
         "keep": spec.keep,
     }
     named = tuple((name, level.name) for name, level in levels.items())
-    return Cell(levels=named, seed=seed, recipe=recipe, job=job)
+    setters = [n for n, level in levels.items() if f"{RECORD}only" in dict(level.changes)]
+    told = file.place("study", setters[-1]) if setters else file.place("record", "only")
+    return Cell(levels=named, seed=seed, recipe=recipe, told=told, job=job)
 
 
 def _record(file: StudyFile, levels: Mapping[str, Level]) -> RecordSpec:

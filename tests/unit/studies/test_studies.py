@@ -296,6 +296,22 @@ def test_what_two_would_set_is_refused(was, now, line, why, written):
         assert done.complaints[0].endswith(", of which one would win: leave it to one of them")
 
 
+@pytest.mark.parametrize(
+    ("was", "now", "line"),
+    [
+        ("systems:", "record: {only: [whels]}\n    systems:", 8),
+        ("seeds: 2", "part: {all: {}, one: {record.only: [lidar, whels]}}", 7),
+    ],
+)
+def test_a_sensor_that_is_not_there_is_refused_before_any_work(was, now, line, written, tmp_path):
+    for more in (["--list"], ["-o", tmp_path / "out"]):
+        done = run("study", written((was, now)), *more)
+        assert (done.returncode, len(done.complaints)) == (2, 1)
+        why = f"slip.yaml:{line}: record.only: whels: no sensor that is recorded is called so"
+        assert f"{why} (did you mean 'wheels'?)" in done.complaints[0]
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_key_within_what_set_gives_may_be_a_factor(written):
     """The rig of all cells and one of its figures, which the rig leaves open."""
     rig = "{name: wheels, kind: odometry}, {name: lidar, kind: lidar, horizontal_samples: 90}"
