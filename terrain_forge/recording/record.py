@@ -36,6 +36,8 @@ from terrain_forge.recording.task import Work, measured, work_of
 
 RECORDING = ("load", "scene", "rehearsal", "recording", "tables", "formats")
 """Stages of a recording."""
+_TELLING = 5.0
+"""What a recording must take to teach the next estimate [s]: the first measurements are slow."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,5 +149,5 @@ def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
             text = f"recording: {count:,} of {len(tasks):,}, {rate:.3g} a second"
             watch(text, done / whole if whole else 1.0)
     watch("tables")
-    if tasks:
+    if expected["recording"] > _TELLING:
         learn(expected, watch.seconds, watch.work)
