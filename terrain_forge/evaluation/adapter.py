@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Record, Spec
+from terrain_forge.datasets import checked_options
 from terrain_forge.evaluation.loops import Loops, read_loops
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
 from terrain_forge.evaluation.program import Program
@@ -99,24 +100,41 @@ class Adapter(Spec):
         """Whether it is given a vocabulary of ORB features."""
         return "{vocabulary}" in self.command
 
+    def require_sound(self) -> None:
+        """Refuse what no recording could be read with: an unknown place, an input that is none.
+
+        Raises:
+            DataError, RecipeError: names the key.
+        """
+        places = dict.fromkeys(self.PLACES, "")
+        self.words(places)
+        for key in ("output", "stamps", "loops"):
+            self._filled(key, getattr(self, key), places)
+        if self.input != "euroc":
+            checked_options(self.input, self.input_options)
+
     def words(self, places: Mapping[str, str]) -> list[str]:
         """The command with its places filled in.
 
         Raises:
             DataError: for an unknown place, or a quote without its end.
         """
-
-        def filled(found: re.Match[str]) -> str:
-            if found[1] not in places:
-                known = ", ".join(f"{{{name}}}" for name in self.PLACES)
-                raise DataError(f"{self.name}: command has {found[0]}, known: {known}")
-            return places[found[1]]
-
         try:
             words = shlex.split(self.command)
         except ValueError as error:
             raise DataError(f"{self.name}: command: {str(error).lower()}") from None
-        return [_PLACEHOLDER.sub(filled, word) for word in words]
+        return [self._filled("command", word, places) for word in words]
+
+    def _filled(self, key: str, text: str, places: Mapping[str, str]) -> str:
+        """A text of a key with its places filled in."""
+
+        def place(found: re.Match[str]) -> str:
+            if found[1] not in places:
+                known = ", ".join(f"{{{name}}}" for name in self.PLACES)
+                raise DataError(f"{self.name}: {key} has {found[0]}, known: {known}")
+            return places[found[1]]
+
+        return _PLACEHOLDER.sub(place, text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

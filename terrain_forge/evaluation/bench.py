@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -42,6 +43,7 @@ from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
+from terrain_forge.sensors import instrument_kinds
 
 RESULTS = "slam"
 """Where results lie, in the recording's folder."""
@@ -229,6 +231,20 @@ def require_sensors(recording: Recording, adapter: Adapter) -> None:
         raise DataError(f"{adapter.name} needs {' and '.join(missing)}, which was not recorded")
 
 
+def _require_frame(recording: Recording, adapter: Adapter) -> None:
+    """Refuse a frame that is none; that of a sensor's folder may yet not have been recorded.
+
+    Raises:
+        DataError: lists what there is.
+    """
+    words = "|".join(re.escape(one.folder) for one in instrument_kinds().values())
+    if not re.fullmatch(f"base_link|body|({words})[0-9]+", adapter.frame):
+        try:
+            recording.sensor(adapter.frame)
+        except DataError as error:
+            raise DataError(f"{adapter.name}: frame: {error}, base_link, body") from None
+
+
 def truth_of(recording: Recording, frame: str) -> TimedPoses:
     """The true motion of a frame at its own stamps.
 
@@ -334,7 +350,11 @@ def chosen_systems(
         DataError: for an unknown name, or if there is no recording.
     """
     if names is not None:
-        return with_binaries([find_system(name.strip()) for name in names.split(",")], binaries)
+        named = [find_system(name.strip()) for name in names.split(",")]
+        recording = open_recording(dataset)
+        for adapter in named:
+            _require_frame(recording, adapter)
+        return with_binaries(named, binaries)
     recording = open_recording(dataset)
     found = []
     for adapter in known_systems().values():

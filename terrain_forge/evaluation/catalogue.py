@@ -16,6 +16,7 @@ from typing import Any
 from terrain_forge.base import (
     DataError,
     OutputError,
+    RecipeError,
     cache_folder,
     complaint,
     hint_at,
@@ -112,9 +113,13 @@ def read_system(path: Path) -> Adapter:
         raise DataError(f"{path}: a system is a mapping of keys")
     adapter, told = TypeAdapter(Adapter), {"name": path.stem, **plain}
     try:
-        return adapter.validate_json(json.dumps(told, default=str), strict=True)
+        found: Adapter = adapter.validate_json(json.dumps(told, default=str), strict=True)
+        found.require_sound()
+    except (DataError, RecipeError) as error:
+        raise DataError(f"{path}: {error}") from None
     except ValidationError as error:
         raise DataError(f"{path}: {complaint(error, adapter, told)}") from None
+    return found
 
 
 def environment(adapter: Adapter) -> Path:
