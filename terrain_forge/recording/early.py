@@ -31,8 +31,8 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
     spec = recipe.dataset
     if spec is not None:
         named_path([path.name for path in recipe.paths], spec.path)
-        require_rig(spec, rover)
         require_formats(spec, rover)
+        require_rig(spec, rover)
     listed = recipe.sensors or ()
     key: Key = ("sensors",)
     if isinstance(listed, MoreSensors):

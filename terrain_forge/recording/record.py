@@ -85,10 +85,10 @@ def record_dataset(
     formats = formats_of(spec)
     folder = dataset_folder(out)
     rigged = with_rig(world, spec)
-    require_rig(spec, rigged.rover)
     order.require_named(rigged.rover.sensors)
     if order.all_formats:
         require_formats(spec, rigged.rover)
+    require_rig(spec, rigged.rover)
     plan = plan_of(rigged, spec)
     differing = differences(folder, plan)
     if not order.force:

@@ -6,6 +6,7 @@ import numpy as np
 
 import terrain_forge as tf
 from terrain_forge.datasets import open_recording
+from terrain_forge.recording import early as early_file
 from terrain_forge.rovers import find_rover
 from terrain_forge.sensors import instrument as instrument_file
 from tests.helpers import worlds
@@ -20,7 +21,8 @@ def test_the_kind_of_the_documentation_measures_heights(tmp_path, monkeypatch):
         name="height", position_m=(1.5, 0, 0.5), rpy_deg=(0, 90, 0), noise_m=0.0, rate_hz=2.0
     )
     kinds = {"altimeter": names["Altimeter"]}
-    monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: kinds)
+    for place in (instrument_file, early_file):
+        monkeypatch.setattr(place, "instrument_kinds", lambda: kinds)
     world = worlds.world(rover=find_rover("skid4").replace(sensors=(sensor,)))
     tf.record(world, tmp_path, end=4.0)
     (height,) = open_recording(tmp_path).series("altimeter")
