@@ -6,7 +6,6 @@ import pytest
 from pydantic import TypeAdapter
 
 from terrain_forge.base import RecipeError
-from terrain_forge.building import cost as building_cost
 from terrain_forge.building import learn
 from terrain_forge.making import plan
 from terrain_forge.pipeline import check
@@ -153,9 +152,8 @@ def test_what_no_recording_can_be_is_refused_with_file_and_line(was, now, messag
 
 @pytest.fixture
 def reference(tmp_path, monkeypatch):
-    """A cache of the machine of the rates, of two cores."""
+    """A cache of its own, and two cores."""
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
-    monkeypatch.setattr(building_cost, "_measured", lambda: 1.0)
     monkeypatch.setattr(recording_cost, "processors", lambda: 2)
 
 
