@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -43,7 +42,7 @@ from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
-from terrain_forge.sensors import instrument_kinds
+from terrain_forge.sensors import instrument_kinds, is_folder
 
 RESULTS = "slam"
 """Where results lie, in the recording's folder."""
@@ -237,8 +236,8 @@ def _require_frame(recording: Recording, adapter: Adapter) -> None:
     Raises:
         DataError: lists what there is.
     """
-    words = "|".join(re.escape(one.folder) for one in instrument_kinds().values())
-    if not re.fullmatch(f"base_link|body|({words})[0-9]+", adapter.frame):
+    known = adapter.frame in ("base_link", "body")
+    if not known and not is_folder(adapter.frame, instrument_kinds().values()):
         try:
             recording.sensor(adapter.frame)
         except DataError as error:

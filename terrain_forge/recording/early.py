@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -15,7 +14,7 @@ from terrain_forge.recording.driven import STEP
 from terrain_forge.recording.formats import formats_of
 from terrain_forge.recording.setting import as_recorded, named_path
 from terrain_forge.rovers import MoreSensors
-from terrain_forge.sensors import instrument_kinds, require_free
+from terrain_forge.sensors import instrument_kinds, is_folder, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
@@ -122,10 +121,9 @@ def _require_names(kind: str, options: Mapping[str, Any], rig: Sequence[Sensor])
         if option in kinds:
             kinds, what = {option: kinds[option]}, option
         known = [one.name for one in rig if one.kind in kinds]
-        words = "|".join(re.escape(one.folder) for one in kinds.values())
         told = options.get(option) or ()
         for name in (told,) if isinstance(told, str) else told:
-            if name not in known and not re.fullmatch(f"({words})[0-9]+", name):
+            if name not in known and not is_folder(name, kinds.values()):
                 there = f"there are: {', '.join(sorted(known)) or 'none'}"
                 raise RecipeError(
                     f"format {kind!r}: no {what} {name!r}{hint_at(name, known)}, {there}",

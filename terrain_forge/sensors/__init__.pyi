@@ -9,6 +9,7 @@ from .instrument import Setting as Setting
 from .instrument import Stream as Stream
 from .instrument import instrument_kinds as instrument_kinds
 from .instrument import instruments_of as instruments_of
+from .instrument import is_folder as is_folder
 from .lens import OPTICAL as OPTICAL
 from .likeness import ImageStatistics as ImageStatistics
 from .likeness import image_statistics as image_statistics

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -221,3 +222,8 @@ def instrument_kinds() -> dict[str, type[Instrument]]:
     """All installed instruments by the kind of sensor that they measure for."""
     found = parts(Instrument, "terrain_forge.sensors.instruments", GROUP)
     return {one.kind: one for one in found}
+
+
+def is_folder(name: str, kinds: Iterable[type[Instrument]]) -> bool:
+    """Whether a recording's folder of some instruments may be called so, such as `cam0`."""
+    return any(re.fullmatch(f"{re.escape(one.folder)}[0-9]+", name) for one in kinds)

@@ -16,7 +16,6 @@ from terrain_forge.base import (
     Key,
     RecipeError,
     dotted,
-    hint_at,
     stage_key,
     uniforms,
 )
@@ -28,12 +27,10 @@ from terrain_forge.recipe import (
     Recipe,
     Variation,
     WorldsSpec,
-    members,
     numbered,
-    recipe_from_json,
-    recipe_json,
 )
 from terrain_forge.variation.difficulty import between, with_difficulty
+from terrain_forge.variation.values import checked_recipe, drawn_value, plain_recipe, put_value
 
 PLACES = 64
 """Random places of which the one of a world's difficulty is taken."""
@@ -85,7 +82,7 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     """
     spec = recipe.worlds or WorldsSpec()
     level = difficulty if difficulty is not None else _level(spec.difficulty, recipe.seed, number)
-    plain = _plain(recipe)
+    plain = plain_recipe(recipe)
     plain["name"] = f"{recipe.name}-{number:05}"
     if plain["horizon"]["reach_m"] is None:  # it would be most of a small world's bytes
         plain["horizon"]["reach_m"] = 0.0
@@ -96,11 +93,11 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
         if _is_drawn(wish, where):
-            value = _value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
-            _put(plain, key, value, where)
+            value = drawn_value(wish, level, _chance(recipe.seed, number, f"vary/{key}"), where)
+            put_value(plain, key, value, where)
             values[key] = value
     try:
-        own = _checked(plain, ("worlds",))
+        own = checked_recipe(plain, ("worlds",))
         _require_goals(own, spec.arrival.distance_m)
         if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
             rank = level if _ranked(spec, own, level) else None
@@ -135,15 +132,15 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
         place = dotted(keys[key])
         steps = len(wish.choice or (0, 1)) - 1
         for step in range(steps + 1):
-            chance, plain = step / max(steps, 1), _plain(recipe)
+            chance, plain = step / max(steps, 1), plain_recipe(recipe)
             level = None if spec.difficulty is None else chance
-            value = _value(wish, level, chance, where)
-            _put(plain, key, value, where)
+            value = drawn_value(wish, level, chance, where)
+            put_value(plain, key, value, where)
             others = [other for name, other in keys.items() if name != key]
             others += [("dtm", "centre")] * (placed and key != _CENTRE)
             # What is wrong beside the key, or together with another, that may set right.
             try:
-                own = _checked(plain, where)
+                own = checked_recipe(plain, where)
             except RecipeError as error:
                 if f"cannot be: {place}:" in str(error):
                     raise
@@ -160,15 +157,15 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
             where = ("worlds", "difficulty", "level")
             raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)
         for level in (0.0, 1.0):
-            plain = _plain(recipe)
+            plain = plain_recipe(recipe)
             with_difficulty(plain, spec.difficulty, level)
-            _checked(plain, ("worlds", "difficulty"))
+            checked_recipe(plain, ("worlds", "difficulty"))
     draw(recipe, 0, folder=folder)  # what is wrong in all of them
 
 
 def _keys(recipe: Recipe) -> dict[str, Key]:
     """Where in the recipe each key of `worlds.vary` stands."""
-    spec, plain = recipe.worlds or WorldsSpec(), _plain(recipe)
+    spec, plain = recipe.worlds or WorldsSpec(), plain_recipe(recipe)
     return {key: tuple(numbered(plain, key.split("."))) for key in spec.vary}
 
 
@@ -186,7 +183,7 @@ def _wrong(
 
 def _stands(recipe: Recipe, folder: Path, *, whole: bool) -> bool:
     """Whether the recipe can be where nothing is drawn."""
-    own = _checked(_plain(recipe), ("worlds",))
+    own = checked_recipe(plain_recipe(recipe), ("worlds",))
     return _wrong(own, recipe.worlds or WorldsSpec(), folder, whole=whole) is None
 
 
@@ -205,10 +202,10 @@ def _due(
     It is the one that alone makes the recipe wrong, or else the one that the error is about.
     """
     for key, value in drawn.items():
-        where, plain = ("worlds", "vary", key), _plain(recipe)
-        _put(plain, key, value, where)
+        where, plain = ("worlds", "vary", key), plain_recipe(recipe)
+        put_value(plain, key, value, where)
         try:
-            own = _checked(plain, where)
+            own = checked_recipe(plain, where)
         except RecipeError as alone:
             return alone
         wrong = _wrong(own, recipe.worlds or WorldsSpec(), folder, whole=True)
@@ -257,13 +254,6 @@ def _is_drawn(wish: Variation | Literal["anywhere"], where: Key) -> TypeGuard[Va
     return wish != "anywhere"
 
 
-def _plain(recipe: Recipe) -> dict[str, Any]:
-    """The recipe of one world, as JSON has it."""
-    plain: dict[str, Any] = json.loads(recipe_json(recipe))
-    plain["worlds"] = None
-    return plain
-
-
 def _level(spec: DifficultySpec | None, seed: int, number: int) -> float | None:
     if spec is None:
         return None
@@ -276,66 +266,6 @@ def _level(spec: DifficultySpec | None, seed: int, number: int) -> float | None:
 def _chance(seed: int, number: int, what: str) -> float:
     """An even number in (0, 1) for one thing of one world."""
     return float(uniforms(stage_key(seed, f"worlds/{number}/{what}"), 1)[0])
-
-
-def _value(wish: Variation, level: float | None, chance: float, where: Key) -> Any:
-    """What is drawn for a key."""
-    try:
-        kind, (*given,) = wish.given
-    except RecipeError as error:
-        raise RecipeError(str(error), key=where) from None
-    if kind == "choice":
-        return given[min(int(chance * len(given)), len(given) - 1)]
-    low, high = given
-    if low > high and not kind.endswith("difficulty"):  # which may go down as it rises
-        raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)
-    if kind == "integers":
-        return low + min(int(chance * (high - low + 1)), high - low)
-    if kind.endswith("difficulty"):
-        if level is None:
-            raise RecipeError("the worlds have no difficulty: add worlds.difficulty", key=where)
-        chance = level
-    return between(low, high, chance, logarithmic=kind.startswith("log"))
-
-
-def _put(plain: dict[str, Any], name: str, value: Any, where: Key) -> None:
-    """Put a value at a dotted key of a recipe, which must be there.
-
-    Raises:
-        RecipeError: names the part that is not there, and what is.
-    """
-    target: Any = plain
-    words = name.split(".")
-    for depth, word in enumerate(words):
-        if isinstance(target, list):
-            named = members(target, word)
-            if len(named) != 1:
-                raise RecipeError(
-                    f"{'.'.join(words[:depth])} has {len(target)} members, counted from 0 or by "
-                    f"their names; found {word!r}",
-                    key=where,
-                )
-            step: int | str = named[0]
-        elif isinstance(target, dict) and word in target:
-            step = word
-        else:
-            allowed = sorted(target) if isinstance(target, dict) else []
-            above = ".".join(words[:depth]) or "the recipe"
-            has = ", ".join(allowed) or "no keys: give it one in the recipe first"
-            raise RecipeError(
-                f"{above} has no key {word!r}{hint_at(word, allowed)}, it has {has}", key=where
-            )
-        if depth == len(words) - 1:
-            target[step] = value
-        else:
-            target = target[step]
-
-
-def _checked(plain: dict[str, Any], where: Key) -> Recipe:
-    try:
-        return recipe_from_json(json.dumps(plain))
-    except RecipeError as error:
-        raise RecipeError(f"what is drawn cannot be: {error}", key=where) from None
 
 
 def _require_goals(own: Recipe, distance: float | None) -> None:

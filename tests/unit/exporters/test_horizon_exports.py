@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from xml.etree import ElementTree
 
 import mujoco
@@ -15,6 +14,7 @@ from terrain_forge.geometry import detail_placement, grid_texture_coordinates
 from terrain_forge.model import exporter
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import detailed
+from tests.helpers.plain_readers import glb_parts
 
 Z_UP = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
 
@@ -112,9 +112,7 @@ def soil_of_usd(world, folder):
 
 def soil_of_glb(world, folder):
     written(world, "glb", folder)
-    content = (folder / "world.glb").read_bytes()
-    size = int.from_bytes(content[12:16], "little")
-    said, binary = json.loads(content[20 : 20 + size]), content[28 + size :]
+    said, arrays = glb_parts(folder / "world.glb")
     looks = {
         look["name"]: look["normalTexture"]
         for look in said["materials"]
@@ -123,9 +121,7 @@ def soil_of_glb(world, folder):
     assert looks["horizon"]["texCoord"] == 1
     assert len({look["index"] for look in looks.values()}) == 1
     (mesh,) = [mesh for mesh in said["meshes"] if mesh["name"] == "horizon"]
-    accessor = said["accessors"][mesh["primitives"][0]["attributes"]["TEXCOORD_1"]]
-    start = said["bufferViews"][accessor["bufferView"]]["byteOffset"]
-    down = np.frombuffer(binary, np.float32, 2 * accessor["count"], start).reshape(-1, 2)
+    down = arrays[mesh["primitives"][0]["attributes"]["TEXCOORD_1"]]
     return down * (1, -1) + (0, 1)
 
 
