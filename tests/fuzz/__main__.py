@@ -20,7 +20,7 @@ def main() -> int:
     parser.add_argument("--kind", choices=KINDS, action="append", help="default: all")
     parser.add_argument("--seed", type=int, default=None, help="default: the clock's")
     parser.add_argument("--builds", type=float, default=0.1, help="part of good recipes built")
-    parser.add_argument("--timed", action="store_true", help="also kill at random times")
+    parser.add_argument("--timed", action="store_true", help="kill at times, tell what is slow")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"), metavar="FOLDER")
     given = parser.parse_args()
     seed = int(time.time()) if given.seed is None else given.seed
