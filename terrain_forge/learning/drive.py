@@ -6,30 +6,29 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pydantic import (
-    BeforeValidator,
-    ConfigDict,
-    NonNegativeInt,
-    Strict,
-    TypeAdapter,
-    ValidationError,
-)
 
-from terrain_forge.base import Array, Fraction, OutputError, Positive, complaint
+from terrain_forge.base import Array, OutputError
 from terrain_forge.driving import TURN_RATE, eased, wheel_rates
 from terrain_forge.learning.arena import Arena, find_parts, load_arena
+from terrain_forge.learning.requests import (
+    Arguments,
+    Difficulty,
+    Reset,
+    Wished,
+    folders_of,
+    of_difficulty,
+    require_request,
+)
 from terrain_forge.learning.sight import DepthCamera, HeightScan
 from terrain_forge.learning.starter import starter_worlds
-from terrain_forge.variation import ORDER, read_summary
 
 Observation = dict[str, NDArray[np.float32]]
 RATE = 10.0
@@ -43,36 +42,6 @@ STUCK_TIME, STUCK_WAY = 5.0, 0.1
 """A rover that moves less than so far [m] in so long [s] is stuck."""
 _SETTLING = 0.5
 _TRIES = 200
-_Difficulty = tuple[Fraction, Fraction] | None
-_Plain = BeforeValidator(lambda given: given.item() if isinstance(given, np.generic) else given)
-_Number = Annotated[NonNegativeInt, Strict(), _Plain]
-"""A world's number, also one of NumPy's; no truth value, as a mask would have."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Wished:
-    """Which worlds are wished."""
-
-    difficulty: _Difficulty
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Arguments(_Wished):
-    """What an environment may be asked for."""
-
-    numbers: tuple[_Number, ...] | None
-    distance_m: Positive
-    speed_m_s: Positive
-    sight: Literal["heights", "depth", "none"]
-    render_mode: Literal["rgb_array"] | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Reset:
-    """What a reset may be asked for."""
-
-    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
-    world: _Number | str | None = None
 
 
 class DriveEnv(gymnasium.Env[Observation, Array]):
@@ -108,8 +77,8 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         sight: Literal["heights", "depth", "none"] = "heights",
         render_mode: str | None = None,
     ) -> None:
-        _require(
-            TypeAdapter(_Arguments),
+        require_request(
+            Arguments,
             {
                 "difficulty": difficulty,
                 "numbers": None if numbers is None else tuple(numbers),
@@ -119,7 +88,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 "render_mode": render_mode,
             },
         )
-        self._all = _folders(Path(worlds) if worlds else starter_worlds(), numbers)
+        self._all = folders_of(Path(worlds) if worlds else starter_worlds(), numbers)
         self.difficulty = difficulty
         self.render_mode = render_mode
         self._distance, self._speed = distance_m, speed_m_s
@@ -146,7 +115,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         self._renderer: Any = None
 
     @property
-    def difficulty(self) -> _Difficulty:
+    def difficulty(self) -> Difficulty:
         """Between which wished difficulties its worlds lie; None for all.
 
         Raises:
@@ -156,9 +125,9 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         return self._difficulty
 
     @difficulty.setter
-    def difficulty(self, between: _Difficulty) -> None:
-        _require(TypeAdapter(_Wished), {"difficulty": between})
-        self.folders = self._all if between is None else _of_difficulty(self._all, between)
+    def difficulty(self, between: Difficulty) -> None:
+        require_request(Wished, {"difficulty": between})
+        self.folders = self._all if between is None else of_difficulty(self._all, between)
         """Folders of the worlds that it draws from."""
         self._difficulty = between
 
@@ -203,7 +172,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
     def _asked(self, options: dict[str, Any]) -> list[Path]:
         """The worlds to begin in, by their order."""
-        _require(TypeAdapter(_Reset), options)
+        require_request(Reset, options)
         world = options.get("world")
         if world is None:
             return [self.folders[n] for n in self.np_random.permutation(len(self.folders))]
@@ -368,18 +337,6 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             self._renderer = None
 
 
-def _require(adapter: TypeAdapter[Any], given: Any) -> None:
-    """Refuse arguments by name, in a line.
-
-    Raises:
-        ValueError: if they cannot be.
-    """
-    try:
-        adapter.validate_python(given)
-    except ValidationError as error:
-        raise ValueError(str(complaint(error, adapter, given))) from None
-
-
 def _require_display() -> None:
     """MuJoCo ends the process where GLFW finds no display."""
     windows = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"} & os.environ.keys()
@@ -388,38 +345,3 @@ def _require_display() -> None:
             "pictures need OpenGL, and there is no display: set MUJOCO_GL=egl or MUJOCO_GL=osmesa "
             "before Python begins"
         )
-
-
-def _folders(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
-    """Folders of the worlds of some numbers.
-
-    Raises:
-        OutputError: if there is none.
-    """
-    if not (worlds / ORDER).is_file():
-        raise OutputError(f"{worlds} holds no worlds (no {ORDER}): terrain-forge worlds makes them")
-    found = sorted(path.parent for path in worlds.glob("*/drawn.json"))
-    if numbers is not None:
-        wanted = {f"{number:05}" for number in numbers}
-        found = [path for path in found if path.name in wanted]
-    if not found:
-        raise OutputError(f"{worlds} has no worlds of these numbers")
-    return tuple(path.resolve() for path in found)
-
-
-def _of_difficulty(folders: tuple[Path, ...], between: tuple[float, float]) -> tuple[Path, ...]:
-    """Those whose wished difficulty lies between two.
-
-    Raises:
-        OutputError: if there is none.
-    """
-    low, high = between
-    levels = {path: read_summary(path)["difficulty"] for path in folders}
-    told = sorted(level for level in levels.values() if level is not None)
-    found = [path for path in folders if (one := levels[path]) is not None and low <= one <= high]
-    if not found:
-        have = f"{told[0]:.3g} to {told[-1]:.3g}" if told else "none"
-        raise OutputError(
-            f"{folders[0].parent} has no worlds of difficulty {low:g} to {high:g}: theirs is {have}"
-        )
-    return tuple(found)

@@ -1,0 +1,101 @@
+"""What a learner may ask of an environment, and the worlds that it then gets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    NonNegativeInt,
+    Strict,
+    TypeAdapter,
+    ValidationError,
+)
+
+from terrain_forge.base import Fraction, OutputError, Positive, complaint
+from terrain_forge.variation import ORDER, read_summary
+
+Difficulty = tuple[Fraction, Fraction] | None
+"""Between which difficulties; None for all."""
+_Plain = BeforeValidator(lambda given: given.item() if isinstance(given, np.generic) else given)
+_Number = Annotated[NonNegativeInt, Strict(), _Plain]
+"""A world's number, also one of NumPy's; no truth value, as a mask would have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wished:
+    """Which worlds are wished."""
+
+    difficulty: Difficulty
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Wished):
+    """What an environment may be asked for."""
+
+    numbers: tuple[_Number, ...] | None
+    distance_m: Positive
+    speed_m_s: Positive
+    sight: Literal["heights", "depth", "none"]
+    render_mode: Literal["rgb_array"] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reset:
+    """What a reset may be asked for."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
+    world: _Number | str | None = None
+
+
+def require_request(kind: type, given: Any) -> None:
+    """Refuse arguments by name, in a line.
+
+    Raises:
+        ValueError: if they cannot be.
+    """
+    adapter: TypeAdapter[Any] = TypeAdapter(kind)
+    try:
+        adapter.validate_python(given)
+    except ValidationError as error:
+        raise ValueError(str(complaint(error, adapter, given))) from None
+
+
+def folders_of(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
+    """Folders of the worlds of some numbers.
+
+    Raises:
+        OutputError: if there is none.
+    """
+    if not (worlds / ORDER).is_file():
+        raise OutputError(f"{worlds} holds no worlds (no {ORDER}): terrain-forge worlds makes them")
+    found = sorted(path.parent for path in worlds.glob("*/drawn.json"))
+    if numbers is not None:
+        wanted = {f"{number:05}" for number in numbers}
+        found = [path for path in found if path.name in wanted]
+    if not found:
+        raise OutputError(f"{worlds} has no worlds of these numbers")
+    return tuple(path.resolve() for path in found)
+
+
+def of_difficulty(folders: tuple[Path, ...], between: tuple[float, float]) -> tuple[Path, ...]:
+    """Those whose wished difficulty lies between two.
+
+    Raises:
+        OutputError: if there is none.
+    """
+    low, high = between
+    levels = {path: read_summary(path)["difficulty"] for path in folders}
+    told = sorted(level for level in levels.values() if level is not None)
+    found = [path for path in folders if (one := levels[path]) is not None and low <= one <= high]
+    if not found:
+        have = f"{told[0]:.3g} to {told[-1]:.3g}" if told else "none"
+        raise OutputError(
+            f"{folders[0].parent} has no worlds of difficulty {low:g} to {high:g}: theirs is {have}"
+        )
+    return tuple(found)
