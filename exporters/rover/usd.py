@@ -31,7 +31,7 @@ def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
     UsdPhysics.ArticulationRootAPI.Apply(root)
     bind_friction(root, define_friction(stage, f"/{name}/Looks/grip", friction))
     for link in rover.links:
-        _define_body(stage, _path(name, link.name), link, rover.origins[link.name])
+        _define_body(stage, name, link, rover.origins[link.name])
     UsdGeom.Scope.Define(stage, f"/{name}/Joints")
     for link in rover.links:
         if link.parent:
@@ -44,7 +44,8 @@ def _path(name: str, link: str) -> str:
     return f"/{name}/{identifier(link)}"
 
 
-def _define_body(stage: Usd.Stage, path: str, link: Link, place: Array) -> None:
+def _define_body(stage: Usd.Stage, name: str, link: Link, place: Array) -> None:
+    path = _path(name, link.name)
     frame = UsdGeom.Xform.Define(stage, path)
     frame.AddTranslateOp().Set(Gf.Vec3d(*place.tolist()))
     UsdPhysics.RigidBodyAPI.Apply(frame.GetPrim())
@@ -55,7 +56,7 @@ def _define_body(stage: Usd.Stage, path: str, link: Link, place: Array) -> None:
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments[0].tolist()))
     mass.CreatePrincipalAxesAttr(gf_quaternion(axes[0]))
     for number, shape in enumerate(link.shapes):
-        solid = define_shape(stage, f"{path}/shape_{number}", shape)
+        solid = define_shape(stage, f"{path}/shape_{number}", shape, root=f"/{name}")
         if shape.collides:
             UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
             if shape.mesh is not None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
+
+from terrain_forge.base import linear_from_srgb
 
 _KINDS = Sdf.ValueTypeNames
 
@@ -43,6 +46,23 @@ def define_textured(
     texture.CreateInput("st", _KINDS.Float2).ConnectToSource(coordinates)
     colour = texture.CreateOutput("rgb", _KINDS.Float3)
     shader.CreateInput("diffuseColor", _KINDS.Color3f).ConnectToSource(colour)
+    return material
+
+
+def define_paint(stage: Usd.Stage, looks: str, rgb: Sequence[float]) -> UsdShade.Material:
+    """The material of an sRGB colour, 0 to 1, in the scope `looks`."""
+    path = f"{looks}/paint_{bytes(round(255 * value) for value in rgb).hex()}"
+    if prim := stage.GetPrimAtPath(path):
+        return UsdShade.Material(prim)
+    material = UsdShade.Material.Define(stage, path)
+    told = {
+        "diffuseColor": (_KINDS.Color3f, Gf.Vec3f(*linear_from_srgb(np.array(rgb)).tolist())),
+        "roughness": (_KINDS.Float, 0.6),
+        "metallic": (_KINDS.Float, 0.0),
+    }
+    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **told)
+    output = shader.CreateOutput("surface", _KINDS.Token)
+    material.CreateSurfaceOutput().ConnectToSource(output)
     return material
 
 

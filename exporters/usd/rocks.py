@@ -161,12 +161,14 @@ def write_rocks(
     for number, (vertices, faces) in enumerate(parts):
         path = f"/{name}/colliders/small{f'_{number}' if number else ''}"
         make_collider(define_mesh(stage, path, vertices, faces), UsdPhysics.Tokens.none)
-    _define_dynamic_groups(stage, f"/{name}", dynamic, whole.site.seed, looks)
+    drawn = _drawn_shapes(dynamic, close)
+    _define_dynamic_groups(stage, f"/{name}", dynamic, whole.site.seed)
+    _define_dressed(stage, f"/{name}", dynamic, drawn, whole.site.seed, looks, shared)
     layer = stage.GetRootLayer()
     del stage
     # Composing each rock while it is written would take ten times as long.
     _specify_hulls(layer, f"/{name}/colliders", solid.select(large), shared)
-    _specify_dynamic(layer, f"/{name}", dynamic, whole, close, shared)
+    _specify_dynamic(layer, f"/{name}", dynamic, drawn, whole, shared)
     layer.Save()
 
 
@@ -260,7 +262,6 @@ def _define_dynamic_groups(
     root: str,
     rocks: RockField,
     seed: int,
-    looks: dict[tuple[int, int], UsdShade.Material],
 ) -> None:
     """A group `dynamic_<population>_<tint>` for the dynamic rocks of a look."""
     if not len(rocks):
@@ -270,16 +271,52 @@ def _define_dynamic_groups(
     for population, tint, _ in grouped(rocks, rock_tints(rocks.id, seed)):
         group = UsdGeom.Xform.Define(stage, f"{root}/dynamic_{population}_{tint}").GetPrim()
         label(group, "rock")
-        bind(group, looks[population, tint])
         bind_friction(group, friction)
+
+
+def _drawn_shapes(rocks: RockField, close: NDArray[np.int32]) -> list[str]:
+    """The library's prim of what each dynamic rock is drawn as."""
+    level = np.where(np.isin(rocks.id, close), CLOSE, 0).tolist()
+    columns = zip(rocks.prototype.tolist(), level, lie_upright(rocks).tolist(), strict=True)
+    return [_visual_path(*column) for column in columns]
+
+
+def _define_dressed(
+    stage: Usd.Stage,
+    root: str,
+    rocks: RockField,
+    drawn: list[str],
+    seed: int,
+    looks: dict[tuple[int, int], UsdShade.Material],
+    shared: str,
+) -> None:
+    """A class for each shape in each look: what is instanced must hold its material itself.
+
+    By USD's rules an instance would have that of the group that it lies in; Blender does not look
+    there. A class, unlike a reference, may point to what lies outside of it.
+    """
+    tints = rock_tints(rocks.id, seed).tolist()
+    for population, tint, source in sorted(
+        set(zip(rocks.population.tolist(), tints, drawn, strict=True))
+    ):
+        path = _dressed_path(root, population, tint, source)
+        stage.CreateClassPrim(path.rpartition("/")[0])
+        prim = stage.CreateClassPrim(path)
+        prim.GetReferences().AddReference(f"{shared}/{_LIBRARY}.usdc", source)
+        bind(stage.OverridePrim(f"{path}/shape"), looks[population, tint])
+
+
+def _dressed_path(root: str, population: int, tint: int, source: str) -> str:
+    """The class of a shape of the library in a look."""
+    return f"{root}/Shapes/{source.rpartition('/')[2]}_{population}_{tint}"
 
 
 def _specify_dynamic(
     layer: Sdf.Layer,
     root: str,
     rocks: RockField,
+    drawn: list[str],
     world: World,
-    close: NDArray[np.int32],
     shared: str,
 ) -> None:
     """A body `rock_<id>` for each dynamic rock, in the groups of `_define_dynamic_groups`.
@@ -291,8 +328,6 @@ def _specify_dynamic(
     kinds = Sdf.ValueTypeNames
     moments, axes = principal_axes(inertias(rocks, world.library))
     tints = rock_tints(rocks.id, world.site.seed).tolist()
-    level = np.where(np.isin(rocks.id, close), CLOSE, 0).tolist()
-    upright = lie_upright(rocks).tolist()
     with Sdf.ChangeBlock():
         for row, (population, tint, prototype) in enumerate(
             zip(rocks.population.tolist(), tints, rocks.prototype.tolist(), strict=True)
@@ -307,8 +342,10 @@ def _specify_dynamic(
             diagonal = Gf.Vec3f(*moments[row].tolist())
             specify(body, "physics:diagonalInertia", kinds.Float3, diagonal)
             specify(body, "physics:principalAxes", kinds.Quatf, gf_quaternion(axes[row]))
-            shape = _visual_path(prototype, level[row], upright[row])
-            visual = _specify_instance(body, "visual", shape, shared)
+            visual = Sdf.PrimSpec(body, "visual", Sdf.SpecifierDef, "Xform")
+            visual.instanceable = True
+            dressed = _dressed_path(root, population, tint, drawn[row])
+            visual.inheritPathList.prependedItems = [dressed]
             hulls = _specify_instance(body, "hulls", _hull_path(prototype), shared)
             for part in (visual, hulls):
                 specify_place(part, scale=float(rocks.scale[row]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, Vt
 
 from terrain_forge.base import linear_from_srgb, portable, quaternion_from_rpy
+from terrain_forge.geometry import rover_looks
 from terrain_forge.model import (
     Rover,
     Shape,
@@ -23,6 +25,7 @@ from terrain_forge.paths import sample_times, straight_places
 from terrain_forge.writers import identifier
 
 from .layer import ROOT, define_mesh, gf_turn, label, new_layer, save, set_conventions, turn_by
+from .material import bind, define_paint
 
 # A USD camera looks along -z with y up; ours looks along x with z up. (w, x, y, z)
 _CAMERA_AXES = np.array([0.5, 0.5, -0.5, -0.5])
@@ -60,6 +63,7 @@ def write_scene(path: Path, world: World, *, base: str) -> None:
 def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate: float) -> None:
     """A rover that moves as the trajectory does: the shapes of its links at rest, and its sensors.
 
+    All shapes are meshes: some programs give no others a material.
     Where USD's straight lines between samples would leave the path, there are more than its own.
     """
     path = f"/{ROOT}/Paths/{identifier(trajectory.name)}"
@@ -79,14 +83,21 @@ def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate:
     for link in rover.links:
         frame = UsdGeom.Xform.Define(stage, f"{path}/{identifier(link.name)}")
         frame.AddTranslateOp().Set(Gf.Vec3d(*rover.origins[link.name].tolist()))
-        for number, shape in enumerate(link.shapes):
-            if shape.visible:
-                define_shape(stage, f"{frame.GetPath()}/shape_{number}", shape)
+    for number, look in enumerate(rover_looks(rover)):
+        place = f"{path}/{identifier(look.link)}/look_{number}"
+        _paint(define_mesh(stage, place, look.mesh.vertices, look.mesh.faces), look.rgb, path)
     define_rig(stage, path, rover)
 
 
-def define_shape(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
-    """The prim of a shape in its link's frame, with its colour."""
+def _paint(solid: UsdGeom.Gprim, rgb: Sequence[float], root: str) -> None:
+    """Give a prim its colour: as display colour, and as a material below the rover's root."""
+    solid.CreateDisplayColorAttr([Gf.Vec3f(*linear_from_srgb(np.array(rgb)).tolist())])
+    prim = solid.GetPrim()
+    bind(prim, define_paint(prim.GetStage(), f"{root}/Looks", rgb))
+
+
+def define_shape(stage: Usd.Stage, path: str, shape: Shape, *, root: str) -> UsdGeom.Gprim:
+    """The prim of a shape in its link's frame, with its colour; `root` is the rover's."""
     if shape.mesh is not None:
         solid: UsdGeom.Gprim = define_mesh(stage, path, shape.mesh.vertices, shape.mesh.faces)
     elif shape.kind == "box":
@@ -107,7 +118,7 @@ def define_shape(stage: Usd.Stage, path: str, shape: Shape) -> UsdGeom.Gprim:
     if shape.mesh is None:
         extent = UsdGeom.Boundable.ComputeExtentFromPlugins(solid, Usd.TimeCode(0))
         solid.CreateExtentAttr(extent)
-    solid.CreateDisplayColorAttr([Gf.Vec3f(*linear_from_srgb(shape.rgb).tolist())])
+    _paint(solid, shape.rgb, root)
     return solid
 
 

@@ -75,6 +75,8 @@ def read_options(changes: Iterable[str]) -> ScoreOptions:
         key, equals, value = change.partition("=")
         if not equals:
             raise DataError(f"--set {change}: must be key=value, such as align=all")
+        if key.strip() in given:
+            raise DataError(f"--set {change}: give {key.strip()} once")
         given[key.strip()] = value.strip()
     adapter = TypeAdapter(ScoreOptions)
     try:

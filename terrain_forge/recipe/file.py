@@ -121,6 +121,8 @@ def load_recipe(
     plain = deepcopy(data) if changes else None
     for change in changes:
         key = _apply(data, change)
+        if isinstance(told := lines.get(key), str) and told != f"--set {change}":
+            raise RecipeError(f"{told} and --set {change}: give {dotted(key)} once")
         lines = {known: line for known, line in lines.items() if known[: len(key)] != key}
         lines[key] = f"--set {change}"
     try:

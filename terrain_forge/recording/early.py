@@ -12,9 +12,10 @@ from terrain_forge.model import CameraSensor, LidarSensor, Rover, Sensor, simple
 from terrain_forge.recipe import DatasetSpec, Recipe
 from terrain_forge.recording.driven import STEP
 from terrain_forge.recording.formats import formats_of
+from terrain_forge.recording.rig import folder_names
 from terrain_forge.recording.setting import as_recorded, named_path
 from terrain_forge.rovers import MoreSensors
-from terrain_forge.sensors import instrument_kinds, is_folder, require_free
+from terrain_forge.sensors import instrument_kinds, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
@@ -112,18 +113,24 @@ def _is_straight(camera: CameraSensor) -> bool:
 
 
 def _require_names(kind: str, options: Mapping[str, Any], rig: Sequence[Sensor]) -> None:
-    """Refuse an option of a format that names a sensor which there is not; folders are let pass.
+    """Refuse an option of a format that names a sensor which there is not, nor a folder of it.
 
     An option that is called as a kind of sensor names one of these.
     """
+    kinds = instrument_kinds()
+    recorded = [one for one in rig if one.kind in kinds]
+    folders = list(folder_names(kinds[one.kind] for one in recorded))
     for option in dataset_kind(kind).naming:
-        kinds, what = instrument_kinds(), "sensor"
-        if option in kinds:
-            kinds, what = {option: kinds[option]}, option
-        known = [one.name for one in rig if one.kind in kinds]
+        what = option if option in kinds else "sensor"
+        mine = [
+            (one.name, folder)
+            for one, folder in zip(recorded, folders, strict=True)
+            if what in ("sensor", one.kind)
+        ]
+        known = [name for name, _ in mine]
         told = options.get(option) or ()
         for name in (told,) if isinstance(told, str) else told:
-            if name not in known and not is_folder(name, kinds.values()):
+            if not any(name in names for names in mine):
                 there = f"there are: {', '.join(sorted(known)) or 'none'}"
                 raise RecipeError(
                     f"format {kind!r}: no {what} {name!r}{hint_at(name, known)}, {there}",

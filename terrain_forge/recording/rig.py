@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
@@ -84,15 +84,20 @@ def folders_of(instruments: Sequence[Instrument], *, quick: bool) -> tuple[Folde
         instruments: The instruments.
         quick: Whether those that measure files of their own do so at `QUICK` at most.
     """
-    numbers: Counter[str] = Counter()
     found = []
-    for instrument in instruments:
-        name = f"{instrument.folder}{numbers[instrument.folder]}"
-        numbers[instrument.folder] += 1
+    for name, instrument in zip(folder_names(map(type, instruments)), instruments, strict=True):
         few = quick and isinstance(instrument, Frames)
         every = max(ceil(instrument.sensor.rate_hz / QUICK - 1e-9), 1) if few else 1
         found.append(Folder(name=name, instrument=instrument, every=every))
     return tuple(found)
+
+
+def folder_names(kinds: Iterable[type[Instrument]]) -> Iterator[str]:
+    """What the folders of some instruments are called, numbered by kind in their order."""
+    numbers: Counter[str] = Counter()
+    for kind in kinds:
+        yield f"{kind.folder}{numbers[kind.folder]}"
+        numbers[kind.folder] += 1
 
 
 def body_of(folders: Sequence[Folder]) -> Folder | None:

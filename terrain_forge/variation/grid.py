@@ -44,7 +44,7 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
-from terrain_forge.variation.drawing import draw
+from terrain_forge.variation.drawing import draw, require_drawable
 from terrain_forge.variation.mosaic import Mosaic
 from terrain_forge.variation.series import orders_of, summary_of
 
@@ -95,6 +95,7 @@ def make_grid(
     margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)
     _require_fits(recipe, shape, margin)
     recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))
+    require_drawable(recipe, folder)
     whole, cells = _assembled(recipe, folder, shape, margin, orders, progress)
     with replacing(out) as directory:
         exports = tuple(write_export(whole, directory, order) for order in orders)

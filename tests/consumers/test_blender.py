@@ -61,6 +61,12 @@ def test_blender_has_the_dimensions(small_world, blender, name):
 
 
 @pytest.mark.consumer
+@pytest.mark.parametrize("name", ["glb", "usd"])
+def test_all_that_blender_draws_has_a_material(blender, name):
+    assert blender[0][name]["bare"] == 0
+
+
+@pytest.mark.consumer
 @pytest.mark.parametrize("name", ["obj", "glb"])
 def test_blender_has_each_rock_as_an_object(small_world, blender, name):
     names = set(blender[0][name]["names"])

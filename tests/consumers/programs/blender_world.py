@@ -3,8 +3,8 @@
 Reads an order as JSON from standard input: `files` to import one by one, `points` [[east, north]]
 [m], and `folder`, into which each file's scene is exported again in its format, or null. Prints the
 answers as JSON in the last line: per file the seconds of import and export, the number of meshes,
-the names of the objects, lowest and highest corner of the whole [m], and the heights of the ground
-under the points [m].
+the names of the objects, how many of what is drawn, instances too, have no material, lowest and
+highest corner of the whole [m], and the heights of the ground under the points [m].
 """
 
 import json
@@ -64,6 +64,13 @@ def is_ground(thing):
     return False
 
 
+def bare():
+    """How many things that are drawn have no material."""
+    drawn = bpy.context.evaluated_depsgraph_get().object_instances
+    meshes = (one.object for one in drawn if one.object.type == "MESH" and one.show_self)
+    return sum(not any(slot.material for slot in mesh.material_slots) for mesh in meshes)
+
+
 def answer(path, points, folder):
     """What Blender makes of one file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -80,6 +87,7 @@ def answer(path, points, folder):
         "import": seconds,
         "export": again,
         "meshes": len(meshes),
+        "bare": bare(),
         "names": [thing.name for thing in bpy.data.objects],
         "low": [min(corner[axis] for corner in corners) for axis in range(3)],
         "high": high,

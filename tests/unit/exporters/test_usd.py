@@ -274,6 +274,12 @@ def test_dynamic_rocks_are_bodies_as_physics_reads_them(loosened, dynamic_usd):
         solid = trimesh.Trimesh(shape.meshes[0].vertices * field.scale[row], shape.meshes[0].faces)
         solid.density = field.mass[row] / field.volume[row]
         assert np.allclose(tensor, solid.moment_inertia, atol=1e-5 * np.abs(tensor).max())
+        visual = stage.GetPrimAtPath(f"{path}/visual")
+        assert visual.IsInstance()
+        shown = visual.GetPrototype().GetChildren()[0]  # what is instanced has its material itself
+        look = UsdShade.MaterialBindingAPI(shown).GetDirectBinding().GetMaterial()
+        population, tint = field.population[row], rock_tints(field.id, loosened.site.seed)[row]
+        assert look.GetPath().name == f"rock_{population}_{tint}"
         prim = stage.GetPrimAtPath(parts[0])
         bound = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
         friction = UsdPhysics.MaterialAPI(bound.GetPrim()).GetDynamicFrictionAttr().Get()

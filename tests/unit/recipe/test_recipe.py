@@ -210,6 +210,9 @@ def test_changes_of_the_command_line(tmp_path):
     ):
         with pytest.raises(RecipeError, match=f"^--set {re.escape(change)}: {wrong}"):
             load_recipe(path, changes=("seed=3", change))
+    twice = r"^--set seed=3 and --set seed=4: give seed once"
+    with pytest.raises(RecipeError, match=twice):
+        load_recipe(path, changes=("seed=3", "body=moon", "seed=4"))
     file = load_recipe(path, changes=("exports=[usb]",))
     with pytest.raises(RecipeError, match=r"usb.*did you mean 'usd'\?") as caught:
         export_orders(file.recipe)

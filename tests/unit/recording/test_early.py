@@ -84,6 +84,7 @@ def test_a_built_in_rover_sees_with_its_own_rig(name, model, tilt):
         ("storage: mcaps", r"'rosbag2': storage: must be 'mcap' or 'sqlite3', found \"mcaps\""),
         ("sensors: [imu, eve]", r"no sensor 'eve' \(did you mean 'eye'\?\), there are: eye, imu"),
         ("sensors: [imu, cam0]", ""),
+        ("sensors: [imu, cam1]", r"'rosbag2': no sensor 'cam1', there are: eye, imu"),
     ],
 )
 def test_options_of_formats_are_refused_with_file_and_line(option, message, tmp_path):
