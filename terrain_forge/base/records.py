@@ -99,7 +99,8 @@ class Record:
         if np.ma.is_masked(given):
             raise ValueError(f"{where}: holds values that are masked")
         array.setflags(write=False)
-        object.__setattr__(self, name, array)
+        # A view of what nobody may write cannot be made writable again.
+        object.__setattr__(self, name, array.view())
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some fields changed, checked like a new record."""

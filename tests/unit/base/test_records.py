@@ -99,6 +99,11 @@ def test_a_record_takes_no_masked_values(dtype):
         ground.replace(elevation=z)
 
 
+def test_arrays_of_records_stay_read_only(small_world):
+    with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+        small_world.ground.elevation.setflags(write=True)
+
+
 @pytest.mark.slow
 def test_wheel_holds_the_tree(tmp_path):
     import zipfile
