@@ -1,4 +1,4 @@
-"""Whether a built site in tiles is as it was built: every file of every tile, by its hash."""
+"""Whether a built site in tiles is as it was built: every file, by its hash, and no others."""
 
 from __future__ import annotations
 
@@ -16,10 +16,17 @@ from terrain_forge.base import (
     run_tasks,
     storing,
 )
-from terrain_forge.building import hash_found, holding
+from terrain_forge.building import foreign_files, hash_found, holding
 from terrain_forge.model import Check, at_most
 from terrain_forge.tiling.driving import checks_of_drive
-from terrain_forge.tiling.joining import FORMAT, TABLE, read_site, read_tile
+from terrain_forge.tiling.joining import (
+    FORMAT,
+    REPORT,
+    TABLE,
+    added_files,
+    read_site,
+    read_tile,
+)
 from terrain_forge.tiling.order import (
     FOLDER,
     MOST,
@@ -32,13 +39,13 @@ from terrain_forge.tiling.order import (
 _NAMED = 8
 _FEW = 16
 """Tiles that are read in this process."""
-_COUNTS, REPORT = "truth/size_frequency.json", "validation/report.json"
+_COUNTS = "truth/size_frequency.json"
 VALIDATE_STAGES = ("tiles", "manifest")
 """Stages of a validation."""
 
 
 def check_tile(out: str, number: int) -> list[str]:
-    """Files of a tile that are missing, changed, or not its own."""
+    """Files of a tile that are missing, changed, or not its own; links and empty folders too."""
     order = load_order(Path(out))
     folder = order.folder(number)
     place = order.grid.folder(number)
@@ -55,7 +62,8 @@ def check_tile(out: str, number: int) -> list[str]:
             found.append(f"{place}/{name} is missing")
         elif hash_found(path) != wanted:
             found.append(f"{place}/{name} is damaged")
-    return found
+    there = foreign_files(folder, {})
+    return found + [f"{place}/{name} was added" for name in there if name not in {*files, TILE}]
 
 
 def validate_site(out: Path, *, watch: Stopwatch) -> bool:
@@ -117,13 +125,13 @@ def _judge(order: TileOrder, bad: set[str]) -> bool:
 
 def _check(name: str, bad: set[str], what: str) -> Check:
     named = "; ".join(sorted(bad)[:_NAMED]) + (" …" if len(bad) > _NAMED else "")
-    repair = "; move the folders of damaged tiles away, and build again" if bad else ""
+    repair = "; move damaged tiles' folders and what was added away, and build again"
     return at_most(name, len(bad), 0, note=f"{what}: {named}{repair}" if bad else what)
 
 
 def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     """Files of the whole that are not as they were built, and tiles whose own list is not."""
-    bad = []
+    bad = [f"{name} was added" for name in added_files(order, manifest)]
     for name, wanted in manifest["outputs"].items():
         path = order.out / name
         if not path.is_file():

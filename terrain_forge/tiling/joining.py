@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
+from terrain_forge.building import foreign_files
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import digest_of, world_of
-from terrain_forge.tiling.order import FOLDER, TILE, TileOrder
+from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
 from terrain_forge.truth import write_merged
 
 MANIFEST = "manifest.json"
 FORMAT = "tiles 1"
 TABLE = "tiles.csv"
 """The list of tiles, in the folder of the order."""
+REPORT = "validation/report.json"
+_OWN = "map.png", "report.html", REPORT
+"""Files of the whole that the manifest does not list."""
 _MOST = 2**26
 
 
@@ -84,13 +89,6 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         }  # fmt: skip
     watch("manifest")
     rocks, size = _write_table(order)
-    names = [
-        path.relative_to(out).as_posix()
-        for folder in (FOLDER, "paths", "truth", *exports)
-        for path in sorted((out / folder).rglob("*"))
-        if path.is_file()
-    ]
-    names += [f"validation/{path.name}" for path in sorted((out / "validation").glob("drive*"))]
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
@@ -105,15 +103,41 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
             "bytes": size,
         },
         "exports": exports,
-        "outputs": {name: sha256(out / name) for name in names},
+        "outputs": {name: sha256(out / name) for name in _outputs(order, exports)},
     }  # fmt: skip
     return {"manifest": manifest, "verification": verification}
+
+
+def _outputs(order: TileOrder, exports: Iterable[str]) -> list[str]:
+    """Files of the whole, without those that an earlier build of the same site did not write."""
+    out = order.out
+    added: set[str] = set()
+    with suppress(OutputError):  # there was none, or it cannot be read
+        added.update(added_files(order, read_site(out)))
+    names = [
+        path.relative_to(out).as_posix()
+        for folder in (FOLDER, "paths", "truth", *exports)
+        for path in sorted((out / folder).rglob("*"))
+        if path.is_file()
+    ]
+    names += [f"validation/{path.name}" for path in sorted((out / "validation").glob("drive*"))]
+    return [name for name in names if name not in added]
+
+
+def added_files(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
+    """Files, links and empty folders outside of the tiles that are not the site's."""
+    tiles = {order.grid.folder(number) for number in range(len(order.grid))}
+    rows = {f"{place.rpartition('/')[0]}/" for place in tiles}  # empty where tiles are missing
+    listed = {"outputs": {*manifest["outputs"], *_OWN, *rows}}
+    found = foreign_files(order.out, listed)
+    return [name for name in found if "/".join(name.split("/")[:3]) not in tiles]
 
 
 def write_manifest(order: TileOrder, manifest: dict[str, Any]) -> None:
     """Write the list of what the site is, after all else."""
     text = json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    write_whole(order.out / MANIFEST, text)
+    # A killed process leaves nothing but in the staging folder.
+    write_whole(order.out / STAGING / MANIFEST, text).replace(order.out / MANIFEST)
 
 
 def _each(order: TileOrder) -> Iterator[tuple[int, dict[str, Any]]]:

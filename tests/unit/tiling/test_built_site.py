@@ -40,6 +40,30 @@ def test_a_damaged_file_is_found(copied, name):
     assert f"{name} is damaged" in damaged
 
 
+def test_what_was_added_is_named_also_after_a_build(copied, recipe):
+    added = "tiles/000/001/truth/zz.txt", "geotiff/added.tif", "top.txt"
+    for name in added:
+        (copied / name).write_text("x")
+    for name in ("tiles/000/002/empty", "tiles/zz"):
+        (copied / name).mkdir()
+    (copied / "tiles/001/000/link").symlink_to("/")
+    names = {*added, "tiles/000/002/empty/", "tiles/zz/", "tiles/001/000/link"}
+    for again in (False, True):
+        if again:
+            tf.build(tf.load_recipe(recipe).recipe, copied, workers=0)
+        assert not pipeline.validate(copied)
+        told = json.loads((copied / "validation/report.json").read_text())["damaged"]
+        assert {*told} == {f"{name} was added" for name in names}
+
+
+def test_an_empty_row_is_a_tile_that_is_missing(copied):
+    for column in range(3):
+        shutil.rmtree(copied / f"tiles/001/{column:03}")
+    assert not pipeline.validate(copied)
+    told = json.loads((copied / "validation/report.json").read_text())["damaged"]
+    assert told == [f"tiles/001/{column:03}/tile.json is missing" for column in range(3)]
+
+
 @pytest.mark.parametrize(
     "name", ["tiles/001/002/geotiff/overview.npz", "tiles/000/001/map.png", "site/routes.json"]
 )
