@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import read_arrays, reading
+from terrain_forge.dtm import open_dataset
 from terrain_forge.model import BuiltTile, Heightfield, TiledSite, TileGrid
 from terrain_forge.writers import write_geotiff
+
+from .products import told_of
 
 OVERVIEW = "overview.npz"
 """What a tile shows of the whole site's overview, rows run north."""
@@ -51,8 +54,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Any) -> tuple[str,
     """Write PRODUCT.vrt over the tiles' rasters and PRODUCT_overview.tif; returns what is lost."""
     for product in options.products:
         overview = _overview(tiled, directory, product)
-        kind = _TYPES[overview.dtype.name]
-        nodata = -1 if product == "rock_id" else None
+        told = told_of(product, options.heights)
         step = overview_step(tiled.grid)
         size = step * tiled.site.spacing
         corner = 0.5 * (size - tiled.site.spacing)
@@ -62,10 +64,9 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Any) -> tuple[str,
             origin=(tiled.site.west + corner, tiled.site.south + corner),
         )
         path = directory / f"{product}_overview.tif"
-        write_geotiff(path, overview, world_ground=lattice, site=tiled.site, nodata=nodata)
-        bands = overview.shape[2] if overview.ndim == 3 else 1
+        write_geotiff(path, overview, world_ground=lattice, site=tiled.site, **told)
         with (directory / f"{product}.vrt").open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(_vrt(tiled, product, kind=kind, bands=bands, nodata=nodata))
+            file.writelines(_vrt(tiled, product, path))
     return (
         "Each tile's raster is without the nodes of its northern and eastern border, which are "
         "the next tiles'.",
@@ -91,33 +92,42 @@ def _overview(tiled: TiledSite, directory: Path, product: str) -> NDArray[Any]:
     return whole
 
 
-def _vrt(
-    tiled: TiledSite, product: str, *, kind: str, bands: int, nodata: int | None
-) -> Iterator[str]:
+def _vrt(tiled: TiledSite, product: str, overview: Path) -> Iterator[str]:
+    """The lines of a VRT, which says of itself what the overview does."""
     site, grid = tiled.site, tiled.grid
-    width, height = grid.columns + 1, grid.rows + 1
     half = 0.5 * site.spacing
-    yield f'<VRTDataset rasterXSize="{width}" rasterYSize="{height}">\n'
-    if site.crs:
-        yield f"  <SRS>{escape(site.crs)}</SRS>\n"
-    yield (
-        f"  <GeoTransform>{site.west - half!r}, {site.spacing!r}, 0, "
-        f"{half - site.south!r}, 0, {-site.spacing!r}</GeoTransform>\n"
-    )
-    colours = ("Red", "Green", "Blue") if bands == 3 else ("Gray",)
-    for band, colour in enumerate(colours, 1):
-        yield f'  <VRTRasterBand dataType="{kind}" band="{band}">\n'
-        if nodata is not None:
-            yield f"    <NoDataValue>{nodata}</NoDataValue>\n"
-        yield f"    <ColorInterp>{colour}</ColorInterp>\n"
-        for tile in tiled.tiles:
-            yield _source(tile, grid, product, kind, band)
+    with open_dataset(overview) as raster:
+        yield f'<VRTDataset rasterXSize="{grid.columns + 1}" rasterYSize="{grid.rows + 1}">\n'
+        if site.crs:
+            yield f"  <SRS>{escape(site.crs)}</SRS>\n"
         yield (
-            f'    <Overview><SourceFilename relativeToVRT="1">{product}_overview.tif'
-            f"</SourceFilename><SourceBand>{band}</SourceBand></Overview>\n"
+            f"  <GeoTransform>{site.west - half!r}, {site.spacing!r}, 0, "
+            f"{half - site.south!r}, 0, {-site.spacing!r}</GeoTransform>\n  <Metadata>\n"
         )
-        yield "  </VRTRasterBand>\n"
+        for key, text in raster.tags().items():
+            yield f'    <MDI key="{key}">{escape(text)}</MDI>\n'
+        yield "  </Metadata>\n"
+        for band in raster.indexes:
+            yield from _band(tiled, product, raster, band)
     yield "</VRTDataset>\n"
+
+
+def _band(tiled: TiledSite, product: str, raster: Any, band: int) -> Iterator[str]:
+    kind = _TYPES[raster.dtypes[0]]
+    yield f'  <VRTRasterBand dataType="{kind}" band="{band}">\n'
+    yield f"    <Description>{escape(raster.descriptions[band - 1])}</Description>\n"
+    if raster.nodata is not None:
+        yield f"    <NoDataValue>{raster.nodata:g}</NoDataValue>\n"
+    if raster.units[band - 1]:
+        yield f"    <UnitType>{escape(raster.units[band - 1])}</UnitType>\n"
+    yield f"    <ColorInterp>{raster.colorinterp[band - 1].name.title()}</ColorInterp>\n"
+    for tile in tiled.tiles:
+        yield _source(tile, tiled.grid, product, kind, band)
+    yield (
+        f'    <Overview><SourceFilename relativeToVRT="1">{product}_overview.tif'
+        f"</SourceFilename><SourceBand>{band}</SourceBand></Overview>\n"
+    )
+    yield "  </VRTRasterBand>\n"
 
 
 def _source(tile: BuiltTile, grid: TileGrid, product: str, kind: str, band: int) -> str:

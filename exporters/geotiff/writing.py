@@ -19,8 +19,7 @@ from terrain_forge.truth import disjoint, rock_rasters
 from terrain_forge.writers import write_geotiff
 
 from .joining import OVERVIEW, overview_nodes
-
-Product = Literal["elevation", "surface_with_rocks", "rock_id", "slope", "hillshade", "orthoimage"]
+from .products import Product, told_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +46,7 @@ class Options(Spec):
 
     def idle(self) -> Iterator[Idle]:
         """The heights of rasters that hold none."""
-        if not any(_UNITS.get(product) == "m" for product in self.products):
+        if not any(told_of(product)["units"] == "m" for product in self.products):
             yield Idle("heights", "no product holds heights")
 
     def __post_init__(self) -> None:
@@ -56,24 +55,12 @@ class Options(Spec):
                 raise RecipeError(f"{product} is named twice", key=("products",))
 
 
-_DESCRIPTIONS = {
-    "elevation": "height of the bare ground",
-    "surface_with_rocks": "height of the highest surface, rocks included",
-    "rock_id": "id of the rock on top, -1 where there is none",
-    "slope": "slope of the bare ground",
-    "hillshade": "bare ground lit by the Sun, no shadows",
-    "orthoimage": "sRGB colour seen from above, unlit",
-}
-NODATA = {"rock_id": -1}
-_UNITS = {"elevation": "m", "surface_with_rocks": "m", "slope": "degree"}
-
-
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     """Write each product as PRODUCT.tif, on the ground's nodes and in the site's local CRS."""
     largest = 0.0
     for product, grid in _rasters(world, world.ground, options):
         grid = _write(product, grid, world.ground, world.site, directory, options)
-        if _UNITS.get(product) == "m":
+        if told_of(product)["units"] == "m":
             largest = max(largest, float(np.abs(grid).max()))
     files = tuple(Path(f"{product}.tif") for product in sorted(options.products))
     report = ExportReport(files=files, losses=_losses(world, options, largest))
@@ -107,21 +94,18 @@ def _write(
     options: Options,
 ) -> NDArray[Any]:
     """Write a product; returns its values as they were written."""
-    description, metres = _DESCRIPTIONS[product], _UNITS.get(product) == "m"
-    if metres and options.heights == "datum":
+    told = told_of(product, options.heights)
+    if told["units"] == "m" and options.heights == "datum":
         east, north = site.slope
         plane = site.datum_height + east * ground.east
         plane = plane + (north * ground.north)[:, None]
         grid = (grid + plane).astype(np.float32)
-        description += ", above the datum"
     write_geotiff(
         directory / f"{product}.tif",
         grid,
         world_ground=ground,
         site=site,
-        units=_UNITS.get(product, ""),
-        nodata=NODATA.get(product),
-        description=description,
+        **told,
         cloud_optimized=options.cloud_optimized,
     )
     return grid

@@ -56,6 +56,24 @@ def test_rasters_of_all_tiles_are_those_of_one_world(built, whole):
             assert raster.xy(raster.height - 1, 0) == pytest.approx((-25.0, -20.0))
 
 
+def test_the_whole_rasters_say_of_themselves_what_their_tiles_do(built):
+    names = [path.stem for path in (built / "geotiff").glob("*.vrt")]
+    assert len(names) == 6
+    for name in names:
+        with (
+            rasterio.open(built / f"tiles/000/001/geotiff/{name}.tif") as tile,
+            rasterio.open(built / f"geotiff/{name}.vrt") as whole,
+            rasterio.open(built / f"geotiff/{name}_overview.tif") as overview,
+        ):
+            assert tile.descriptions[0]
+            for raster in (whole, overview):
+                for told in ("descriptions", "units", "nodata", "colorinterp", "dtypes"):
+                    assert getattr(raster, told) == getattr(tile, told), (name, told)
+                ours = {k: v for k, v in tile.tags().items() if k.startswith("TERRAIN_FORGE_")}
+                assert ours["TERRAIN_FORGE_SITE"] == "six"
+                assert ours.items() <= raster.tags().items()
+
+
 def test_traversability_of_all_tiles_is_that_of_one_world(built, whole, tmp_path):
     write_traversability(whole, tmp_path)
     for name in ("slope", "step", "cost"):
