@@ -69,17 +69,13 @@ def write_manifest(
     """
     names = [name for name in all_files(directory) if name not in foreign]
     outputs = {**_hashes(directory, [name for name in names if name not in altered]), **altered}
-    recipe = json.loads(site.recipe_json)
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
         **({} if holds == WORLD else {"holds": holds}),
-        "name": site.name,
-        "seed": site.seed,
-        "recipe": recipe,
+        **site.stated,
         "versions": made_with(),
-        "inputs": dict(site.inputs),
-        **_origins(recipe["dtm"]),
+        **_origins(site.stated["recipe"]["dtm"]),
         "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,6 +210,23 @@ class Site(Record):
 
         current = current_json(self.recipe_json, file)
         return self if current == self.recipe_json else self.replace(recipe_json=current)
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What a manifest states of it."""
+        return {
+            "name": self.name,
+            "seed": self.seed,
+            "recipe": json.loads(self.recipe_json),
+            "inputs": dict(self.inputs),
+        }
+
+    def misstated(self, manifest: dict[str, Any]) -> list[str]:
+        """Keys under which a manifest states something else than is true of it."""
+        from terrain_forge.recipe import with_current_names
+
+        told, true = with_current_names(manifest), with_current_names(self.stated)
+        return [key for key in true if told.get(key) != true[key]]
 
     @property
     def west(self) -> float:

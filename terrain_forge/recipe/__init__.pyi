@@ -29,6 +29,7 @@ from .renames import current_json as current_json
 from .renames import members as members
 from .renames import numbered as numbered
 from .renames import value_at as value_at
+from .renames import with_current_names as with_current_names
 from .schema import DriveSpec as DriveSpec
 from .schema import Recipe as Recipe
 from .schema import StartsSpec as StartsSpec

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,6 +116,14 @@ def current_json(text: str, file: Path) -> str:
     for old, new in renamed:
         warn_renamed(f"{file}:{line}", old, new, above=5)  # the caller of World.load
     return json.dumps(data, sort_keys=True, separators=(",", ":")) if renamed else text
+
+
+def with_current_names(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest whose recipe has the names that its keys have now, without a warning."""
+    recipe = deepcopy(manifest.get("recipe"))
+    with suppress(RecipeError):  # a key that is given by both names is left
+        rename_keys(recipe)
+    return {**manifest, "recipe": recipe}
 
 
 def warn_renamed(where: str, old: Key, new: Key, *, above: int = 4) -> None:

@@ -21,6 +21,7 @@ from terrain_forge.model import Check, at_most
 from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.joining import (
     FORMAT,
+    MANIFEST,
     REPORT,
     TABLE,
     added_files,
@@ -132,6 +133,8 @@ def _check(name: str, bad: set[str], what: str) -> Check:
 def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     """Files of the whole that are not as they were built, and tiles whose own list is not."""
     bad = [f"{name} was added" for name in added_files(order, manifest)]
+    if wrong := order.site.misstated(manifest):
+        bad.append(f"{MANIFEST} is damaged ({', '.join(wrong)})")
     for name, wanted in manifest["outputs"].items():
         path = order.out / name
         if not path.is_file():

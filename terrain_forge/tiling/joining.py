@@ -92,11 +92,8 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,
-        "name": site.name,
-        "seed": site.seed,
-        "recipe": json.loads(site.recipe_json),
+        **site.stated,
         "versions": software(),
-        "inputs": dict(site.inputs),
         "tiles": {
             "count": len(order.grid), "across": order.grid.across, "up": order.grid.up,
             "cells": order.grid.cells, "rocks": rocks,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from terrain_forge.model import Check, at_most
+from terrain_forge.base import read_json
+from terrain_forge.model import MANIFEST, MAX_MANIFEST, Check, at_most
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
 from terrain_forge.validation.measures import Entry
 from terrain_forge.validation.suite import conformance, quick_checks
@@ -20,9 +21,18 @@ class Files(Inspection):
     def checks(self, built: BuiltFolder) -> Iterator[Check]:
         """One check over the world's files, one over what else is there but recordings."""
         added = [name for name in built.foreign if not name.startswith("dataset/")]
-        for what, names in (("missing or altered", built.altered), ("added", added)):
+        altered = [*_misstated(built), *built.altered]
+        for what, names in (("missing or altered", altered), ("added", added)):
             note = ", ".join(names[:3])
             yield at_most(f"files: {what}", float(len(names)), 0.0, note=note)
+
+
+def _misstated(built: BuiltFolder) -> list[str]:
+    """The manifest, where it states another recipe than the saved world's; a build has none yet."""
+    path = built.directory / MANIFEST
+    told = read_json(path, MANIFEST, most=MAX_MANIFEST) if path.is_file() else None
+    wrong = built.world.site.misstated(told) if told else []
+    return [f"{MANIFEST}: {' and '.join(wrong)}"] if wrong else []
 
 
 class Exports(Inspection):

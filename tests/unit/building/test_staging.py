@@ -177,6 +177,17 @@ def test_a_validation_names_what_was_added_and_keeps_it(world):
     assert (world / "validation" / "drive_notes.txt").exists()
 
 
+def test_a_manifest_of_another_recipe_is_named(world):
+    path = world / "manifest.json"
+    manifest = json.loads(path.read_text())
+    told = {**manifest, "seed": 5, "recipe": {**manifest["recipe"], "seed": 5}}
+    path.write_text(json.dumps(told))
+    done = run("validate", world, "--quick")
+    assert done.returncode == 1
+    assert "altered: 1, limit 0 (manifest.json: seed and recipe)" in done.stderr
+    assert json.loads(path.read_text())["seed"] == manifest["seed"], "that of the saved world"
+
+
 def test_an_edited_report_is_written_anew_only_by_force(world):
     report = world / "validation" / "report.json"
     for edited in (world / "report.html", report):

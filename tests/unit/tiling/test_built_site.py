@@ -56,6 +56,14 @@ def test_what_was_added_is_named_also_after_a_build(copied, recipe):
         assert {*told} == {f"{name} was added" for name in names}
 
 
+def test_a_manifest_of_another_recipe_is_damaged(copied):
+    path = copied / "manifest.json"
+    path.write_text(path.read_text().replace('"seed": 7', '"seed": 8'))
+    assert not pipeline.validate(copied)
+    told = json.loads((copied / "validation/report.json").read_text())["damaged"]
+    assert told == ["manifest.json is damaged (seed, recipe)"]
+
+
 def test_an_empty_row_is_a_tile_that_is_missing(copied):
     for column in range(3):
         shutil.rmtree(copied / f"tiles/001/{column:03}")
