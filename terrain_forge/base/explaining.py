@@ -123,6 +123,8 @@ def _words(error: Any, key: Key) -> str:
         case "tuple_type" | "list_type":
             what = "tuple" if isinstance(found, list) else "list"
             return f"must be a {what}, found {_shown(found)}"
+        case "path_type":
+            return f"must be a path, found {_shown(found)}"
         case "too_short" if "min_length" in context:
             return f"needs at least {context['min_length']}, has {context['actual_length']}"
         case "too_long" if "max_length" in context:

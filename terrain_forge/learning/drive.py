@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -81,7 +81,8 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             Arguments,
             {
                 "difficulty": difficulty,
-                "numbers": None if numbers is None else tuple(numbers),
+                "worlds": worlds,
+                "numbers": tuple(numbers) if isinstance(numbers, Iterable) else numbers,
                 "distance_m": distance_m,
                 "speed_m_s": speed_m_s,
                 "sight": sight,
@@ -110,6 +111,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if self._sight is not None:
             seen[sight] = self._sight.space
         self._sight_name = sight
+        self._trail: list[tuple[float, float]] = []
         self.observation_space = spaces.Dict(seen)  # type: ignore[assignment]
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[assignment]
         self._renderer: Any = None
@@ -197,8 +199,11 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         """Drive for a tenth of a second: speed and turn rate, each -1 to 1; beyond it is cut.
 
         Raises:
+            ResetNeeded: before the first reset.
             ValueError: for an action that holds what is no number.
         """
+        if not self._trail:
+            raise gymnasium.error.ResetNeeded("step: no drive has begun, call reset first")
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
         given = [float(one) for one in np.ravel(action)]

@@ -123,12 +123,12 @@ class Grounds:
         Raises:
             DataError: if there is no such world.
         """
-        if not isinstance(given, (*_PYTHONS, np.ndarray, np.generic)):
+        if hasattr(given, "dtype") and not isinstance(given, np.ndarray | np.generic):
             return given
         numbers, count = np.asarray(given), len(self.elevation)
         allowed = f"whole numbers from 0 to {count - 1} are allowed"
         if numbers.size and numbers.dtype.kind not in "iu":
-            raise DataError(f"worlds of the type {numbers.dtype}: {allowed}")
+            raise DataError(f"worlds of the type {numbers.dtype.name}: {allowed}")
         beyond = numbers[(numbers < 0) | (numbers >= count)]
         if beyond.size:
             raise DataError(f"world {beyond[0]}: {allowed}")

@@ -22,8 +22,22 @@ from terrain_forge.variation import ORDER, read_summary
 
 Difficulty = tuple[Fraction, Fraction] | None
 """Between which difficulties; None for all."""
-_Plain = BeforeValidator(lambda given: given.item() if isinstance(given, np.generic) else given)
-_Number = Annotated[NonNegativeInt, Strict(), _Plain]
+
+
+def _plain(given: Any) -> Any:
+    """One of NumPy's numbers as one of Python's."""
+    return given.item() if isinstance(given, np.generic) else given
+
+
+def _named(given: Any) -> Any:
+    """What names a world."""
+    plain = _plain(given)
+    if isinstance(plain, str) or plain is None or (type(plain) is int and plain >= 0):
+        return plain
+    raise ValueError("must be a whole number from 0 on or a folder's name")
+
+
+_Number = Annotated[NonNegativeInt, Strict(), BeforeValidator(_plain)]
 """A world's number, also one of NumPy's; no truth value, as a mask would have."""
 
 
@@ -38,6 +52,7 @@ class Wished:
 class Arguments(Wished):
     """What an environment may be asked for."""
 
+    worlds: Path | None
     numbers: tuple[_Number, ...] | None
     distance_m: Positive
     speed_m_s: Positive
@@ -50,7 +65,7 @@ class Reset:
     """What a reset may be asked for."""
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid")
-    world: _Number | str | None = None
+    world: Annotated[int | str | None, BeforeValidator(_named)] = None
 
 
 def require_request(kind: type, given: Any) -> None:

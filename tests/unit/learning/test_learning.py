@@ -229,11 +229,13 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         ({"numbers": [-1]}, r"numbers\[0\]: "),
         ({"numbers": np.array([True, False])}, r"numbers\[0\]: "),
         ({"numbers": [0.5]}, r"numbers\[0\]: "),
+        ({"numbers": 5}, "numbers: must be a list, found 5"),
+        ({"worlds": 123}, "worlds: must be a path, found 123"),
     ],
 )
 def test_an_argument_that_cannot_be_is_named(made, given, why):
     with pytest.raises(ValueError, match=why) as caught:
-        learning.DriveEnv(made.directory, **given)
+        learning.DriveEnv(**{"worlds": made.directory, **given})
     assert "\n" not in str(caught.value)
 
 
@@ -244,8 +246,16 @@ def test_a_reset_goes_to_the_world_that_is_named(made):
     for world in (0, -1, True, "00000", "one"):
         with pytest.raises((tf.OutputError, ValueError), match="world"):
             env.reset(options={"world": world})
+    for world in (-1, 1.5, True, [1]):
+        with pytest.raises(ValueError, match=r"^world: must be a whole number from 0 on or a fold"):
+            env.reset(options={"world": world})
     with pytest.raises(ValueError, match="worlds"):
         env.reset(options={"worlds": 1})
+
+
+def test_a_step_before_the_first_reset_is_refused(made):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset first"):
+        make(made).unwrapped.step(np.zeros(2, np.float32))
 
 
 @pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0], [0.0, 0.0, 0.0]])
@@ -333,6 +343,8 @@ def test_queries_take_lists_and_numbers(made):
         (True, "worlds of the type bool"),
         (np.array([True, False]), "worlds of the type bool"),
         (0.0, "worlds of the type float64"),
+        ("a", "worlds of the type str32"),
+        (None, "worlds of the type object"),
     ],
 )
 def test_a_query_in_a_world_that_is_not_there_is_refused(made, world, found):
