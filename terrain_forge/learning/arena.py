@@ -90,6 +90,8 @@ class Parts:
     """Its velocity in `qvel`: linear in the world's axes, then angular in its own."""
     motors: NDArray[np.int64]
     """Its wheels' actuators."""
+    wheels: NDArray[np.int64]
+    """Its wheels' bodies, whose origins lie on the axles."""
     axles: NDArray[np.int64]
     """Their rates in `qvel`."""
     sides: Array
@@ -126,6 +128,7 @@ def find_parts(model: Any, rover: Rover) -> Parts:
         pose=slice(pose, pose + 7),
         velocity=slice(velocity, velocity + 6),
         motors=motors,
+        wheels=np.array([model.body(name).id for name in names], np.int64),
         axles=axles,
         sides=np.array([1.0 if axes[name][1] > 0.0 else -1.0 for name in names]),
         activations=np.asarray(model.actuator_actadr[motors], np.int64),

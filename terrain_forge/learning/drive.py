@@ -238,11 +238,13 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             return "unstable"
         if self._way < REACHED:
             return "arrived"
+        west, south, east, north = self._bounds
+        # A wheel beyond the border hangs over nothing: the rover tips because it has left.
+        x, y = data.xpos[self.parts.wheels, :2].T
+        if x.min() < west or x.max() > east or y.min() < south or y.max() > north:
+            return "left the world"
         if data.xmat[self.parts.body, 8] < math.cos(TIPPED):
             return "tipped over"
-        west, south, east, north = self._bounds
-        if not (west < trail[-1][0] < east and south < trail[-1][1] < north):
-            return "left the world"
         back = round(STUCK_TIME * RATE)
         if len(trail) > back and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY:
             turned = self.arena.data.qvel[self.parts.velocity][5]

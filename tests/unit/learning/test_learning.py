@@ -141,6 +141,21 @@ def test_driving_to_the_goal_pays_and_standing_does_not(made):
     assert told["ended"] == "stuck"
 
 
+def test_a_drive_ends_once_a_wheel_is_beyond_the_border(made):
+    env = make(made).unwrapped
+    env.reset(seed=3)
+    arena = env.arena
+    west, *_ = arena.world.ground.bounds
+    arena.set_down(env.parts, np.array([west + 0.8, 0.0]), np.pi)
+    for _ in range(60):
+        *_, ended, _late, told = env.step(np.array([1.0, 0.0], np.float32))
+        if ended:
+            break
+    assert told["ended"] == "left the world"
+    assert arena.data.xpos[env.parts.body, 0] > west + 0.1
+    assert arena.data.xmat[env.parts.body, 8] > 0.9, "upright still"
+
+
 def test_heights_ahead_show_what_stands_there(made):
     env = make(made).unwrapped
     seen = env.reset(seed=0)[0]["heights"]
