@@ -20,7 +20,9 @@ _LENGTH = Number(0.0, 1e6, min_open=True)
 )
 @click.option("--to", "end", metavar="TIME", help="When it ends [default: a solar day later].")
 @click.option(
-    "--step", metavar="LENGTH", help="With its unit: 30m, 1h, 2d [default: a 48th of it]."
+    "--step",
+    metavar="LENGTH",
+    help="With its unit: 30m, 1h, 2d; each moment is the middle of one [default: a 48th of it].",
 )
 @click.option(
     "--size", type=(_LENGTH, _LENGTH), metavar="EAST NORTH",

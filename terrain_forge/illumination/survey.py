@@ -64,7 +64,8 @@ class Wish:
     end: str | None = None
     """Date that it ends with; a solar day later by default."""
     step: str | None = None
-    """Length of a step with its unit, such as 30m, 1h or 2d; a 48th of the period by default."""
+    """Length of a step with its unit, such as 30m, 1h or 2d, whose middle is a moment; a 48th of
+    the period by default."""
     size: tuple[float, float] | None = None
     """East and north extent of the map [m]; the site's by default."""
     spacing: float | None = None
