@@ -112,7 +112,10 @@ class Grounds:
         return known * rock + known - 1
 
     def top_at(self, world: Any, east: Any, north: Any) -> Any:
-        """Height [m] of ground or rock at the node nearest to each point."""
+        """Height [m] of ground or rock at the node nearest to each point.
+
+        Beside nodes it may be below `height_at`, which is of the ground at the point itself.
+        """
         row, column, nothing = self._nodes(east, north)
         top = self.top[self._worlds(world), row, column]
         return top + _as(nothing, top)
