@@ -24,7 +24,8 @@ class Options(Spec):
     tiles: Literal["merged", "tiled"] = "merged"
     """`merged` writes one file, as ray casters want it; `tiled` one per tile."""
     tile_cells: Annotated[int, Interval(ge=16, le=4096)] = 256
-    """Cells of the ground's grid per tile, each way; within one file too, rocks are merged so."""
+    """Cells of the ground's grid per tile, each way; with `rocks: merged` rocks are joined by such
+    tiles within one file too."""
     rocks: Literal["merged", "objects", "none"] = "merged"
     """`merged` joins a tile's rocks, without their faces that lie wholly under the ground;
     `objects` keeps each whole rock as an object of its own, `rock_ID`, with its texture (`obj`
@@ -51,7 +52,8 @@ class Options(Spec):
             for name in ("finest_min_m", "outline_error"):
                 yield Idle(name, f"it is for rocks: merged, here {self.rocks}", refused=True)
         if self.rocks != "merged" and self.tiles == "merged":
-            yield Idle("tile_cells", "there are no tiles; choose tiles: tiled", refused=True)
+            why = "there are no tiles; choose tiles: tiled, or rocks: merged"
+            yield Idle("tile_cells", why, refused=True)
 
     def __post_init__(self) -> None:
         if self.rocks == "objects" and self.format != "obj":

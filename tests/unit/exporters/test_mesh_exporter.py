@@ -214,7 +214,7 @@ WRONG = {
         ),
     ],
     "outline_error": [({"rocks": "none", "outline_error": 0.1}, "for rocks: merged, here none")],
-    "tile_cells": [({"rocks": "none", "tile_cells": 64}, "choose tiles: tiled")],
+    "tile_cells": [({"rocks": "none", "tile_cells": 64}, "choose tiles: tiled, or rocks: merged")],
 }
 
 
