@@ -126,7 +126,7 @@ def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> t
     if world.site.georeferenced:
         losses.append(PLACE_LOSS)
     losses += static_losses(world.field)
-    losses += rock_look_losses(world.library)
+    losses += rock_look_losses(world)
     small = int((~is_single(world.field, options.individual_min_m)).sum())
     if small:
         error = largest_outline_error(coarse, world.library.prototypes)

@@ -153,10 +153,11 @@ def _orthoimage(ids: NDArray[np.int32], world: World) -> NDArray[np.uint8]:
 
 def _losses(world: World, options: Options, largest: float) -> tuple[str, ...]:
     """What rasters do not say."""
+    lost = ": overhangs, masses, and which rocks are dynamic or cannot be touched are lost"
     losses = [
-        "Rasters hold one height per place: overhangs, masses, and which rocks are dynamic or "
-        "cannot be touched are lost; programs that interpolate between nodes otherwise than by the "
-        "two triangles of a cell read other heights there."
+        f"Rasters hold one height per place{lost if len(world.field) else ''}; programs that "
+        "interpolate between nodes otherwise than by the two triangles of a cell read other "
+        "heights there."
     ]
     if options.heights == "datum":
         losses.append(

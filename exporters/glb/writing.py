@@ -164,7 +164,7 @@ def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[
         *([detail_loss(detail)] if detail else []),
         *([close_loss(world, options.close_within_m)] if options.close_within_m > 0.0 else []),
         "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
-        "file, and no rock moves.",
+        f"file{', and no rock moves' if world.field.dynamic.any() else ''}.",
         "The Sun's angular size is lost, and of the sky all but one colour."
         if options.lights == "display"
         else "The Sun's angular size and the colour of the sky are lost.",

@@ -10,6 +10,7 @@ from terrain_forge.geometry import (
     rock_look_losses,
     static_losses,
     texture_loss,
+    touched_shapes,
 )
 from terrain_forge.model import World
 
@@ -56,8 +57,8 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
     return (
         *_rock_losses(world, options),
         *static_losses(world.field),
-        *collision_losses(world.library.prototypes),
-        *rock_look_losses(world.library),
+        *collision_losses(touched_shapes(world)),
+        *rock_look_losses(world),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
         *world.rover.notes,

@@ -11,6 +11,7 @@ from terrain_forge.geometry import (
     largest_outline_error,
     static_losses,
     texture_loss,
+    touched_shapes,
 )
 from terrain_forge.model import Mesh, World, simple_sensors
 
@@ -88,7 +89,7 @@ def list_losses(
     if world.trajectories:
         losses += _actor_losses(world, options)
     losses += _rock_losses(world, coarse, options)
-    return (*losses, *collision_losses(world.library.prototypes))
+    return (*losses, *collision_losses(touched_shapes(world)))
 
 
 def _actor_losses(world: World, options: Options) -> list[str]:

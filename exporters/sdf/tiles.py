@@ -135,9 +135,10 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
         f"Heights are rounded to {1e6 * step:.3g} µm.",
         "Levels load and unload tiles only where gz-sim runs with `--levels` and knows a performer:"
         " name the rover's model by the service /world/NAME/level/set_performer.",
-        f"Rocks below {options.individual_min_m:g} m are merged per tile.",
-        *collision_losses(tiled.world.library.prototypes),
+        *collision_losses(tiled.shapes),
     ]
+    if tiled.shapes:
+        losses.append(f"Rocks below {options.individual_min_m:g} m are merged per tile.")
     if dynamic := sum(tile.figures["dynamic"] for tile in tiled.tiles):
         losses.append(f"{dynamic} dynamic rocks are fixed: a level cannot keep what was pushed.")
     return losses

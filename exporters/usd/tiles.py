@@ -200,5 +200,5 @@ def _losses(tiled: TiledSite) -> list[str]:
         "not in it, and nothing but its ground can be touched.",
         "world.usda shows all tiles at their coarsest: choose the variant `lod` = `full` of those "
         "that a rover drives on.",
-        *collision_losses(tiled.world.library.prototypes),
+        *collision_losses(tiled.shapes),
     ]

@@ -26,6 +26,7 @@ from terrain_forge.geometry import (
     rock_texture,
     static_losses,
     texture_loss,
+    touched_shapes,
     with_horizon_loss,
 )
 from terrain_forge.model import ExportReport, Mesh, World
@@ -166,7 +167,7 @@ def _losses(
     if world.field.dynamic.any():
         losses.append("Dynamic rocks have no torsional and no rolling friction: USD knows neither.")
     losses += _outline_losses(world, coarse, levels, close, options)
-    return (*losses, *collision_losses(world.library.prototypes))
+    return (*losses, *collision_losses(touched_shapes(world)))
 
 
 def _outline_losses(

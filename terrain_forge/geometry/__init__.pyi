@@ -37,6 +37,7 @@ from .losses import friction_losses as friction_losses
 from .losses import rock_look_losses as rock_look_losses
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss
+from .losses import touched_shapes as touched_shapes
 from .rock_looks import lie_upright as lie_upright
 from .rock_looks import mean_rock_colour as mean_rock_colour
 from .rock_looks import mean_rock_srgb as mean_rock_srgb

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from terrain_forge.geometry.ground_texture import finest_texture
 from terrain_forge.model import (
     FrictionOptions,
     GroundDetail,
     Heightfield,
     RockField,
-    RockLibrary,
     RockPrototype,
     World,
     cells_by_friction,
@@ -59,17 +60,23 @@ def friction_losses(world: World, options: FrictionOptions) -> tuple[str, ...]:
     )
 
 
-def rock_look_losses(library: RockLibrary) -> tuple[str, ...]:
+def rock_look_losses(world: World) -> tuple[str, ...]:
     """What a format leaves out of rocks' looks that has a picture for each population alone."""
-    if library.normals is None:
+    if world.library.normals is None or not len(world.field):
         return ()
     return (
         "Rocks have no maps of normals and roughness, and those of a population are of one colour.",
     )
 
 
+def touched_shapes(world: World) -> list[RockPrototype]:
+    """The shapes of the rocks that can be touched."""
+    used = np.unique(world.field.prototype[world.field.collides])
+    return [world.library.prototypes[number] for number in used]
+
+
 def collision_losses(shapes: Sequence[RockPrototype]) -> tuple[str, ...]:
-    """What an export loses by colliding rocks as their convex parts, as a sentence."""
+    """What an export loses by colliding rocks of some shapes as their convex parts, a sentence."""
     excess = max((shape.hull_excess for shape in shapes), default=0.0)
     distance = max((shape.hull_distance for shape in shapes), default=0.0)
     if max(excess, distance) <= 0.0:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from terrain_forge.model.site import Site, Window
 
 if TYPE_CHECKING:
+    from terrain_forge.model.rocks import RockPrototype
     from terrain_forge.model.world import World
 
 USUAL_CELLS = 1024
@@ -103,6 +104,8 @@ class BuiltTile:
     """Its export's folder, relative to that of the whole site's export."""
     height: tuple[float, float]
     """Its ground's lowest and highest node [m]."""
+    rocks: int
+    """How many rocks it has."""
     figures: dict[str, Any]
     """What its exporter told of it, as JSON."""
 
@@ -119,3 +122,8 @@ class TiledSite:
     """The world of a corner of it, for what all tiles share: shapes, colours, light."""
     tiles: tuple[BuiltTile, ...]
     """Its tiles in their order."""
+
+    @property
+    def shapes(self) -> tuple[RockPrototype, ...]:
+        """The shapes of its rocks; none where it has no rocks."""
+        return self.world.library.prototypes if any(tile.rocks for tile in self.tiles) else ()

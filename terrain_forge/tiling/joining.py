@@ -152,6 +152,7 @@ def _built(order: TileOrder, export: Export) -> Iterator[BuiltTile]:
             window=order.grid.window(number),
             folder=f"../{order.grid.folder(number)}/{export.folder}",
             height=tuple(told["height_m"]),
+            rocks=told["rocks"],
             figures=told["figures"][export.folder],
         )
 
