@@ -37,11 +37,12 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
     key: Key = ("sensors",)
     if isinstance(listed, MoreSensors):
         listed, key = listed.add, ("sensors", "add")
+    carried = {sensor.name: sensor for sensor in rover.sensors}  # on links that the rover has
     places: dict[str, Key] = {}
     for number, sensor in enumerate(listed):
         places[sensor.name] = (*key, number)
         with _at((*key, number, "position_m")):
-            require_free(sensor, rover)
+            require_free(carried[sensor.name], rover)
     if spec is not None and spec.motion == "drive":
         for sensor in as_recorded(rover.sensors, spec):
             place = places.get(sensor.name)

@@ -16,6 +16,7 @@ from terrain_forge.recording.cost import measurement_cost
 from terrain_forge.rovers import AnySensor, built_in_rovers, find_rover, rover_of
 from terrain_forge.sensors import require_free
 from tests.helpers.command_line import run
+from tests.helpers.rovers import rocker_urdf
 
 RECIPE = """schema: 1
 name: early
@@ -76,6 +77,25 @@ def test_a_built_in_rover_sees_with_its_own_rig(name, model, tilt):
     rover = find_rover(name, model=model, dimensions={"camera_tilt_deg": tilt})
     for sensor in rover.sensors:
         require_free(sensor, rover)
+
+
+@pytest.mark.parametrize("sensors", ["[{}]", "{{add: [{}]}}"])
+def test_a_sensor_on_a_link_that_another_carries_is_looked_at_where_it_is(sensors, tmp_path):
+    """A knuckle that does not steer is a part of its rocker."""
+    own = rocker_urdf(tmp_path).relative_to(tmp_path)
+    lidar = "{name: lid, kind: lidar, link: left_knuckle, position_m: [0, 0, HEIGHT]}"
+    begin, rest = RECIPE.replace("skid4", f"{{kind: file, file: {own}}}").split("sensors:")
+    dataset = rest[rest.index("dataset:") :]
+    file = tmp_path / "early.yaml"
+
+    def lines(height):
+        told = sensors.format(lidar.replace("HEIGHT", height))
+        file.write_text(f"{begin}sensors: {told}\n{dataset}")
+        return "\n".join(check(load_recipe(file).recipe, folder=tmp_path))
+
+    assert "4 s, " in lines("0.3")
+    with pytest.raises(RecipeError, match=r"'lid' is .* below the level of the ground"):
+        lines("-0.4")
 
 
 @pytest.mark.parametrize(
