@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import TerrainForgeError
+from terrain_forge.scene.held import Held
 
 _OLDEST, _TOO_NEW = 40400, 50000
 _PINNED = b"isa=avx2"
@@ -143,13 +144,12 @@ def _raise_error() -> None:
         raise TerrainForgeError(f"Embree: {message.decode()} (error {code})")
 
 
-class EmbreeScene:
+class EmbreeScene(Held):
     """Geometry that rays can be cast at; it owns its buffers and lives until `release`."""
 
     def __init__(self) -> None:
         library = load_library()
-        self.handle = int(library.rtcNewScene(device()))
-        """Embree's scene."""
+        self._handle = int(library.rtcNewScene(device()))
         library.rtcSetSceneFlags(self.handle, _ROBUST)
         self._kept: list[object] = []
 
@@ -212,9 +212,9 @@ class EmbreeScene:
 
     def release(self) -> None:
         """Give the memory back."""
-        if self.handle:
-            load_library().rtcReleaseScene(self.handle)
-        self.handle = 0
+        if self._handle:
+            load_library().rtcReleaseScene(self._handle)
+        self._handle = 0
         self._kept.clear()
 
     def _share(

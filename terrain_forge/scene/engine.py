@@ -23,8 +23,8 @@ VARIABLE = "TERRAIN_FORGE_RAYS"
 class EngineScene(Protocol):
     """Geometry that rays can be cast at; `EmbreeScene` says what each method does."""
 
-    handle: int
-
+    @property
+    def handle(self) -> int: ...  # noqa: D102
     def add_grid(self, vertices: NDArray[np.float32], *, often: bool = False) -> None: ...  # noqa: D102
     def add_triangles(  # noqa: D102
         self, vertices: NDArray[np.floating], faces: NDArray[np.int32]

@@ -77,9 +77,11 @@ class RayScene:
 
     @property
     def handle(self) -> int:
-        """Address of the scene, for kernels that trace for themselves; it begins at `origin`."""
-        if not self._whole.handle:
-            raise ValueError("the ray scene is closed")
+        """Address of the scene, for kernels that trace for themselves; it begins at `origin`.
+
+        Raises:
+            TerrainForgeError: if it is closed.
+        """
         return self._whole.handle
 
     def cast(self, origins: ArrayLike, directions: ArrayLike, *, coherent: bool = False) -> Hits:

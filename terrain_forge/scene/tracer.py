@@ -20,6 +20,7 @@ from numba import carray, cfunc, types  # type: ignore[attr-defined]
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner
+from terrain_forge.scene.held import Held
 from terrain_forge.scene.packets import (
     COPY,
     DIRECTION_X,
@@ -52,12 +53,10 @@ _floats, _ints = (types.CPointer(kind) for kind in (types.float32, types.int32))
 _query = types.void(_ints, _floats, _floats, types.intp)
 
 
-class TracerScene:
+class TracerScene(Held):
     """Geometry that rays can be cast at; made like an `EmbreeScene`."""
 
     def __init__(self) -> None:
-        self.handle = 0
-        """Address of the scene's words, 0 until `commit`."""
         self._grid = np.empty((0, 0, 3), np.float32)
         self._vertices = np.empty((0, 3), np.float32)
         self._faces = np.empty((0, 3), np.int32)
@@ -87,6 +86,8 @@ class TracerScene:
         transforms: NDArray[np.float32],
     ) -> None:
         """Set copies of committed scenes, as `EmbreeScene.add_instances` does."""
+        for scene in scenes:
+            _ = scene.handle  # refuses what is released
         self._scenes, self._which = list(scenes), np.asarray(which, np.int32)
         self._transforms = np.asarray(transforms, np.float64).reshape(-1, 3, 4)
 
@@ -115,11 +116,11 @@ class TracerScene:
         parts += [self._places(starts), *(scene._words for scene in self._scenes)]
         self._words = np.concatenate([part.reshape(-1).view(np.int32) for part in parts])
         self._words[_WORDS] = len(self._words)
-        self.handle = int(self._words.ctypes.data)
+        self._handle = int(self._words.ctypes.data)
 
     def release(self) -> None:
         """Give the memory back."""
-        self.handle, self._words = 0, np.empty(0, np.int32)
+        self._handle, self._words = 0, np.empty(0, np.int32)
 
     def _copy_bounds(self) -> tuple[Array, Array]:
         """Boxes of the copies, from the corners of their scenes' boxes."""

@@ -192,7 +192,7 @@ def test_a_closed_scene_says_so(small_world):
     scene = open_scene(small_world)
     scene.close()
     scene.close()
-    with pytest.raises(ValueError, match="closed"):
+    with pytest.raises(TerrainForgeError, match="closed"):
         scene.cast([0, 0, 9], DOWN)
 
 

@@ -131,6 +131,22 @@ def test_what_lies_farther_does_not_shade(engines):
     assert np.mean(dark[0] != dark[1]) < 1e-3
 
 
+@pytest.mark.parametrize("make", [embree.EmbreeScene, tracer.TracerScene])
+def test_what_is_released_is_reached_no_more(make):
+    (shape, *_), place = scene(make, copies=0)[1], np.eye(3, 4, dtype=np.float32)[None]
+    whole = make()
+    whole.add_instances([shape], which=np.zeros(1, np.int32), transforms=place)
+    whole.commit()
+    assert whole.handle
+    for one in (shape, whole):
+        one.release()
+        one.release()
+        with pytest.raises(TerrainForgeError, match="closed"):
+            _ = one.handle
+    with pytest.raises(TerrainForgeError, match="closed"):
+        make().add_instances([shape], which=np.zeros(1, np.int32), transforms=place)
+
+
 def test_the_engine_is_named(monkeypatch):
     monkeypatch.setenv(engine.VARIABLE, "own")
     assert engine.engine_name() == "own"

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from terrain_forge.base import RecipeError, kernel
+from terrain_forge.base import RecipeError, TerrainForgeError, kernel
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import DtmPatch, Trajectory
 from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, RayScene, shade8, subject_of
@@ -167,6 +167,16 @@ def test_rays_meet_the_rover_where_it_is_at_their_time(scenery):
     assert np.all(elsewhere.rock != BODY)
     within = state.position + np.einsum("nij,j->ni", state.rotation, (0.0, 0.0, 0.25))
     assert scenery.cast(within, down, times).rock.tolist() == [BODY, BODY]
+
+
+def test_rays_at_what_is_closed_are_refused(scenery):
+    with Scenery(scenery.world, scenery.motion) as closed:
+        above = scenery.motion.base.at(2.0).position - 1.5 * DOWN
+        assert closed.cast(above, DOWN[None], 2.0).rock == [BODY]
+    with pytest.raises(TerrainForgeError, match="closed"):
+        closed.cast(above, DOWN[None], 2.0)
+    with pytest.raises(TerrainForgeError, match="closed"):
+        closed.rover_at(5.0)
 
 
 @pytest.mark.slow
