@@ -1,5 +1,9 @@
 """Recorded datasets: reading the master recording, and writing other formats from it."""
 
+from .beside import FORMATS as FORMATS
+from .beside import holds_format as holds_format
+from .beside import made_formats as made_formats
+from .beside import state_of as state_of
 from .calibration import calibration_files as calibration_files
 from .clouds import LidarMotion as LidarMotion
 from .clouds import on_rover as on_rover

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import os
 import shutil
@@ -24,7 +23,13 @@ from terrain_forge.base import (
     silent,
     telling_interrupts,
 )
-from terrain_forge.datasets import INDEX, Recording, open_recording, write_dataset
+from terrain_forge.datasets import (
+    Recording,
+    holds_format,
+    open_recording,
+    state_of,
+    write_dataset,
+)
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
@@ -122,8 +127,8 @@ def _tell(progress: Progress, stage: str, busy: str, _: float) -> None:
 
 
 def _digest(recording: Recording) -> str:
-    """Of the recording's index, which changes where it grows."""
-    return hashlib.sha256((recording.folder / INDEX).read_bytes()).hexdigest()[:_DIGITS]
+    """Of the recording's state, which changes where it grows."""
+    return state_of(recording.folder)[:_DIGITS]
 
 
 def _result(
@@ -313,10 +318,10 @@ def _input(
     inputs: dict[str, Path],
     progress: Progress,
 ) -> Path:
-    """The recording in a format; what is not there yet is written beside it."""
+    """The recording in a format; what is not there, or of before it grew, is written beside it."""
     if kind == "euroc":
         return recording.folder.resolve()
-    if not options and (recording.folder / kind).is_dir():
+    if not options and holds_format(recording.folder, kind):
         return (recording.folder / kind).resolve()
     name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
     if name not in inputs:

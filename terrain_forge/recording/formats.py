@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from terrain_forge.base import Progress, RecipeError, hint_at, read_text
-from terrain_forge.datasets import checked_options, dataset_kinds, write_dataset
+from terrain_forge.base import Progress, RecipeError, hint_at
+from terrain_forge.datasets import (
+    FORMATS,
+    checked_options,
+    dataset_kinds,
+    made_formats,
+    state_of,
+    write_dataset,
+)
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.index import INDEX
 from terrain_forge.recording.store import Store
 
 MASTER, CALIBRATION = "euroc", "calibration"
 """What every recording is, and has."""
-_MADE = "formats.json"
-"""Which formats were made, with what options, of what."""
-_MOST = 2**24
 
 
 def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
@@ -80,7 +83,7 @@ def write_formats(
         if report.losses:
             losses[name] = tuple(report.losses)
         made[name] = told | {"sensors": sensors}
-        store.put(_MADE, (json.dumps(made, indent=1) + "\n").encode())
+        store.put(FORMATS, (json.dumps(made, indent=1) + "\n").encode())
     return losses
 
 
@@ -101,10 +104,9 @@ def stale_formats(store: Store) -> tuple[str, ...]:
 
 def _state(store: Store) -> tuple[str, list[str]]:
     """What tells one state of a recording from another, and the folders that measured something."""
-    text = (store.folder / INDEX).read_bytes()
-    streams = json.loads(text)["streams"]
+    streams = json.loads((store.folder / INDEX).read_bytes())["streams"]
     measured = [one["folder"].rpartition("/")[2] for one in streams if one["count"]]
-    return hashlib.sha256(text).hexdigest(), measured
+    return state_of(store.folder), measured
 
 
 def _like_tum(
@@ -120,7 +122,4 @@ def _tell(progress: Progress, name: str, _: str, share: float) -> None:
 
 
 def _made(store: Store) -> dict[str, Any]:
-    if not store.holds(_MADE):
-        return {}
-    found: dict[str, Any] = json.loads(read_text(store.folder / _MADE, _MADE, most=_MOST))
-    return found
+    return made_formats(store.folder) if store.holds(FORMATS) else {}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import DataError, OutputError
-from terrain_forge.datasets import open_recording
+from terrain_forge.datasets import FORMATS, open_recording, state_of, write_dataset
 from terrain_forge.evaluation import (
     ScoreOptions,
     chosen_systems,
@@ -216,6 +216,17 @@ def test_inputs_are_made_anew_where_a_system_spoiled_them_or_the_recording_grew(
     assert one.score is not None
     assert not of.exists()
     assert _rows(dataset) == [("kitti", 1)]
+
+
+def test_a_format_that_lies_there_is_read_if_it_is_of_the_recording_as_it_is(dataset, system):
+    write_dataset(dataset, "kitti", dataset / "kitti")
+    adapter = find_system(system("kitti", _KITTI, input="kitti", format="kitti"))
+    for of, anew in ((state_of(dataset), False), ("of before it grew", True)):
+        told = {"kitti": {"options": {}, "of": of}}
+        (dataset / FORMATS).write_text(json.dumps(told))
+        (result,) = evaluate_recording(dataset, [adapter])
+        assert result.run.status == "done"
+        assert len(list(dataset.glob("slam/inputs/*/kitti"))) == anew
 
 
 def _rows(dataset):
