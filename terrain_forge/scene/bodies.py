@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, inner, kernel, over_chunks
+from terrain_forge.base import Array, DataError, inner, kernel, over_chunks
 from terrain_forge.scene.embree import INCOHERENT
 from terrain_forge.scene.engine import empty_scene
 from terrain_forge.scene.packets import (
@@ -38,7 +38,7 @@ from terrain_forge.scene.packets import (
     packet_memory,
     set_ray,
 )
-from terrain_forge.scene.scene import Hits, RayScene, check_engine, committed
+from terrain_forge.scene.scene import Hits, RayScene, check_engine, committed, rays_of
 from terrain_forge.scene.subject import Instances
 
 SKIN = 5e-3
@@ -257,7 +257,7 @@ def _cast(  # type: ignore[no-untyped-def]
 
 
 def cast_with_bodies(
-    scene: RayScene, bodies: Bodies, poses: Array, origins: Array, directions: Array
+    scene: RayScene, bodies: Bodies, poses: Array, origins: ArrayLike, directions: ArrayLike
 ) -> Hits:
     """What rays meet first, in the world or on moving bodies; for kernels there is `meet8`.
 
@@ -265,9 +265,15 @@ def cast_with_bodies(
         scene: The world.
         bodies: The bodies.
         poses: Their frame in the scene's own, [turn | place], shape [rays or 1, 3, 4].
-        origins: Start points in the world frame [m], shape [rays, 3].
-        directions: Unit vectors, shape [rays, 3].
+        origins: Start points in the world frame [m], shape [rays, 3] or [3].
+        directions: Unit vectors, shape [rays, 3] or [3].
+
+    Raises:
+        DataError: for shapes that do not fit, or values that are no rays.
     """
+    origins, directions = rays_of(origins, directions)
+    if len(poses) not in (1, len(origins)):
+        raise DataError(f"{len(poses)} times for {len(origins)} rays: one, or one for each")
     distance = np.empty(len(origins), np.float32)
     normal = np.empty((len(origins), 3), np.float32)
     rock = np.empty(len(origins), np.int32)

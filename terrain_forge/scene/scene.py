@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, TerrainForgeError, over_chunks
+from terrain_forge.base import Array, DataError, TerrainForgeError, given_numbers, over_chunks
 from terrain_forge.model import Heightfield, World
 from terrain_forge.scene import packets
 from terrain_forge.scene.embree import COHERENT, INCOHERENT
@@ -91,11 +91,12 @@ class RayScene:
             origins: start points in the world frame [m], shape [rays, 3] or [3].
             directions: of any length but zero, shape [rays, 3] or [3].
             coherent: neighbouring rays run side by side (faster; the result is the same).
+
+        Raises:
+            DataError: for shapes that do not fit, or values that are no rays.
         """
-        start, towards = np.broadcast_arrays(
-            np.atleast_2d(np.asarray(origins, np.float64)) - self.origin,
-            np.atleast_2d(np.asarray(directions, np.float64)),
-        )
+        start, towards = rays_of(origins, directions)
+        start = start - self.origin
         unit = towards / np.linalg.norm(towards, axis=1, keepdims=True)
         distance = np.empty(len(start), dtype=np.float32)
         normal = np.empty((len(start), 3), dtype=np.float32)
@@ -126,6 +127,29 @@ class RayScene:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def rays_of(origins: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    """Start points [m] and directions, of each as many as rays, shape [rays, 3].
+
+    One point, or one direction, stands for all rays.
+
+    Raises:
+        DataError: for shapes that do not fit, or values that are no rays.
+    """
+    start = given_numbers(origins, "origins of rays")
+    towards = given_numbers(directions, "directions of rays")
+    pair = np.atleast_2d(start), np.atleast_2d(towards)
+    counts = {len(one) for one in pair} - {1}
+    if len(counts) > 1 or any(one.ndim != 2 or one.shape[1] != 3 for one in pair):
+        raise DataError(
+            f"origins of shape {start.shape} and directions of shape {towards.shape}: both must "
+            "be (rays, 3), or one of them (3,) for all rays"
+        )
+    if not pair[1].any(axis=1).all():
+        raise DataError("directions of rays must have a length above 0")
+    start, towards = np.broadcast_arrays(*pair)
+    return start, towards
 
 
 def open_scene(world: World, *, close: bool = False) -> RayScene:

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, linear_from_srgb
+from terrain_forge.base import Array, DataError, given_numbers, linear_from_srgb
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import World
 from terrain_forge.scene import (
@@ -123,19 +123,25 @@ class Scenery:
         return heights
 
     def cast(
-        self, origins: Array, directions: Array, times: ArrayLike, *, near: float = SKIN
+        self, origins: ArrayLike, directions: ArrayLike, times: ArrayLike, *, near: float = SKIN
     ) -> Hits:
         """What rays in the world meet first, the rover among it.
 
         Args:
-            origins: Start points [m], shape [rays, 3].
-            directions: Unit vectors, shape [rays, 3].
+            origins: Start points [m], shape [rays, 3], or [3] for all rays.
+            directions: Unit vectors, shape [rays, 3], or [3] for all rays.
             times: When each ray is cast, or when all are [s].
             near: What of the rover is nearer is not met [m].
+
+        Raises:
+            DataError: for shapes that do not fit, values that are no rays, or times beyond the
+                motion.
         """
-        moments = np.atleast_1d(np.asarray(times, np.float64))
-        rover = self.rover_at(float(moments[len(moments) // 2]))
+        moments = np.atleast_1d(given_numbers(times, "times of rays"))
+        if moments.ndim > 1 or not moments.size:
+            raise DataError(f"times of shape {moments.shape}: one for all rays, or one for each")
         poses = self.poses_at(moments)
+        rover = self.rover_at(float(moments[len(moments) // 2]))
         return cast_with_bodies(self.scene, rover.beyond(near), poses, origins, directions)
 
     def close(self) -> None:

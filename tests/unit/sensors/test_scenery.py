@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from terrain_forge.base import RecipeError, TerrainForgeError, kernel
+from terrain_forge.base import DataError, RecipeError, TerrainForgeError, kernel
 from terrain_forge.geometry import rover_looks
 from terrain_forge.model import DtmPatch, Trajectory
 from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, RayScene, shade8, subject_of
@@ -167,6 +167,39 @@ def test_rays_meet_the_rover_where_it_is_at_their_time(scenery):
     assert np.all(elsewhere.rock != BODY)
     within = state.position + np.einsum("nij,j->ni", state.rotation, (0.0, 0.0, 0.25))
     assert scenery.cast(within, down, times).rock.tolist() == [BODY, BODY]
+
+
+def test_one_point_or_direction_serves_all_rays(scenery):
+    above = scenery.motion.base.at(2.0).position[0] - 1.5 * DOWN
+    places, ways = above + np.outer(np.arange(12), [0.05, 0.0, 0.0]), np.tile(DOWN, (12, 1))
+    whole = scenery.cast(places, ways, 2.0).distance
+    assert np.ptp(whole) > 0.1
+    assert np.array_equal(scenery.cast(places, DOWN, np.full(12, 2.0)).distance, whole)
+    assert np.array_equal(scenery.cast(above, ways[:5], [2.0]).distance, whole[[0] * 5])
+    assert np.array_equal(scenery.scene.cast(above, DOWN).rock, [GROUND])
+
+
+@pytest.mark.parametrize(
+    ("origins", "directions", "times", "message"),
+    [
+        (
+            np.zeros((4, 3)),
+            np.ones((3, 3)),
+            2.0,
+            r"shape \(4, 3\) and directions of shape \(3, 3\)",
+        ),
+        ([0, 0], [1, 1], 2.0, r"shape \(2,\) and .* both must be \(rays, 3\)"),
+        ("up", DOWN, 2.0, "origins of rays must be numbers"),
+        (DOWN, [0, np.nan, 1], 2.0, "directions of rays must be finite"),
+        (DOWN, [0, 0, 0], 2.0, "a length above 0"),
+        (np.zeros((4, 3)), DOWN, [2.0, 3.0], "2 times for 4 rays: one, or one for each"),
+        (DOWN, DOWN, [], r"times of shape \(0,\)"),
+        (DOWN, DOWN, np.nan, "times of rays must be finite"),
+    ],
+)
+def test_rays_that_are_none_are_refused_in_a_line(scenery, origins, directions, times, message):
+    with pytest.raises(DataError, match=message):
+        scenery.cast(origins, directions, times)
 
 
 def test_rays_at_what_is_closed_are_refused(scenery):
