@@ -41,6 +41,7 @@ from .geometry import fibonacci_sphere as fibonacci_sphere
 from .geometry import rectangle_distance as rectangle_distance
 from .geometry import segment_square_distance as segment_square_distance
 from .given import given_numbers as given_numbers
+from .given import require_measurement as require_measurement
 from .heap import heap_pop as heap_pop
 from .heap import heap_push as heap_push
 from .kernels import inlined as inlined

@@ -87,5 +87,5 @@ def _first(error: BaseException) -> BaseException:
 
 def hint_at(word: str, allowed: Iterable[str], *, alike: float = 0.6) -> str:
     """The allowed word that is meant, as a question; empty where none is so much like it."""
-    close = get_close_matches(word, list(allowed), n=1, cutoff=alike)
+    close = get_close_matches(str(word), list(allowed), n=1, cutoff=alike)
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Integral
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,3 +28,14 @@ def given_numbers(values: ArrayLike, what: str) -> Array:
     if not np.isfinite(numbers).all():
         raise DataError(f"{what} must be finite")
     return numbers
+
+
+def require_measurement(number: int, count: int, whose: str) -> None:
+    """Refuse what is not the number, from 0, of one of some measurements.
+
+    Raises:
+        DataError: says which there are.
+    """
+    whole = isinstance(number, Integral) and not isinstance(number, bool)
+    if not whole or not 0 <= number < count:
+        raise DataError(f"{whose} has no measurement {number}: 0 to {count - 1}")

@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, is_file_name, read_lines, reading, require_file
+from terrain_forge.base import (
+    Array,
+    DataError,
+    is_file_name,
+    read_lines,
+    reading,
+    require_file,
+    require_measurement,
+)
 from terrain_forge.datasets.poses import Stamps
 
 DISTORTIONS = {"radtan": (4, 5), "equidistant": (4,), "none": (0,)}
@@ -138,8 +146,7 @@ class RecordedSensor:
             DataError: if there is no such measurement, or channel.
         """
         stems = self._rows[1]
-        if not 0 <= number < len(stems):
-            raise DataError(f"{self.key} has no measurement {number}: 0 to {len(stems) - 1}")
+        require_measurement(number, len(stems), self.key)
         stem = stems[number]
         if channel not in self.channels:
             raise DataError(f"{self.key} has no {channel!r}: it was not recorded")

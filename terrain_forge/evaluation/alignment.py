@@ -36,8 +36,12 @@ def associate(
         most: Largest difference of nearest times [s].
 
     Raises:
-        DataError: if less than two poses belong together.
+        DataError: if less than two poses belong together, or one is no poses.
     """
+    for what, poses in (("the truth", truth), ("the estimate", estimate)):
+        if not isinstance(poses, TimedPoses):
+            found = type(poses).__name__
+            raise DataError(f"{what} must be poses, as `read_poses` gives them, found a {found}")
     for name, poses in (("the truth", truth), (estimate.name, estimate)):
         if not len(poses.time):
             raise DataError(f"{name} has no poses")

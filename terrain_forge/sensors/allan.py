@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, DataError, given_numbers
 
 _PER_DECADE = 10
 _LEAST = 9
@@ -27,14 +27,21 @@ def allan_deviation(
     Returns:
         The times, as whole numbers of samples give them [s], shape [times], and the deviation in
         the samples' unit, shape [times] or [times, axes].
+
+    Raises:
+        DataError: for samples or a rate that no sensor has.
     """
-    values = np.asarray(samples, np.float64)
+    values, hertz = given_numbers(samples, "samples"), given_numbers(rate, "the rate")
+    if values.ndim not in (1, 2):
+        raise DataError(f"samples of shape {values.shape}: must be (n,) or (n, axes)")
+    if hertz.ndim or hertz <= 0.0:
+        raise DataError(f"rate {rate} Hz: must be one number above 0")
     count = len(values)
     if times is None:
         decades = np.log10(max(count / _LEAST, 1.0))
         wanted = 10.0 ** np.arange(0.0, decades + 1e-9, 1.0 / _PER_DECADE)
     else:
-        wanted = rate * np.asarray(times, np.float64)
+        wanted = rate * given_numbers(times, "times of averaging")
     lengths = np.unique(np.rint(wanted).astype(np.int64))
     lengths = lengths[(lengths >= 1) & (2 * lengths < count)]
     # Sums about the mean: those of a bias would cost digits.

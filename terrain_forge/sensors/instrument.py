@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
-    DataError,
     mix,
     normals,
     parts,
     quaternion_from_rpy,
+    require_measurement,
     stage_key,
 )
 from terrain_forge.base import matrix_from_quaternion as matrix
@@ -163,9 +163,7 @@ class Frames(Instrument):
         Raises:
             DataError: says which there are.
         """
-        if not 0 <= number < len(self.times):
-            last = len(self.times) - 1
-            raise DataError(f"{self.sensor.name} has no measurement {number}: 0 to {last}")
+        require_measurement(number, len(self.times), self.sensor.name)
 
 
 class Series(Instrument):

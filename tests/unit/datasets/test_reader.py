@@ -37,7 +37,7 @@ def test_what_was_recorded_is_read(recording):
     np.testing.assert_allclose(pose, base_pose(0.2), atol=1e-12)
 
 
-@pytest.mark.parametrize("number", [-1, 100])
+@pytest.mark.parametrize("number", [-1, 100, 1.5, None])
 def test_a_measurement_that_is_not_there_is_told(recording, number):
     with pytest.raises(DataError, match=rf"^cam1 has no measurement {number}: 0 to \d+$"):
         recording.cameras[1].image(number)

@@ -218,6 +218,11 @@ def test_no_common_time_is_told():
         score_poses(truth, truth.replace(time=1e9 * truth.time))
 
 
+def test_what_is_no_poses_is_refused():
+    with pytest.raises(DataError, match=r"the truth must be poses, .* found a str"):
+        score_poses("a.tum", "b.tum")
+
+
 @pytest.mark.parametrize("association", ["nearest", "interpolated"])
 def test_no_poses_at_all_are_told(association):
     truth = _circle()

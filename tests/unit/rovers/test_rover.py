@@ -216,3 +216,5 @@ def test_rovers_are_found_by_name():
     assert find_rover("skid4") == skid4()
     with pytest.raises(RecipeError, match=f"known: {', '.join(built_in_rovers())}; a rover"):
         find_rover("tank")
+    with pytest.raises(RecipeError, match="unknown rover None, known: "):
+        find_rover(None)

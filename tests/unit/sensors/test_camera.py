@@ -262,7 +262,7 @@ def test_a_stamp_is_the_middle_of_what_is_averaged(setting, even):
     assert found == pytest.approx(wanted, rel=0.002)
     moments = np.concatenate(scene.times)
     assert np.allclose(moments[:4], 4.0 + 0.06 * np.array([-0.375, -0.125, 0.125, 0.375]))
-    for number in (-1, len(camera.times)):
+    for number in (-1, len(camera.times), 6.0, True, "six", None):
         for look in (camera.measure, camera.picture):
             with pytest.raises(DataError, match=f"eye has no measurement {number}: 0 to "):
                 look(number)

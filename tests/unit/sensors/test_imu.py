@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.base import RecipeError
+from terrain_forge.base import DataError, RecipeError
 from terrain_forge.model import ImuSensor, Trajectory
 from terrain_forge.sensors import Curve, Motion, Setting, allan_deviation, motion_of_path
 from terrain_forge.sensors.instruments.imu import COLUMNS, Imu
@@ -129,6 +129,21 @@ def test_the_allan_deviation_of_a_ramp_and_of_one_step_in_closed_form():
     np.testing.assert_allclose(found, 3.0 * times / np.sqrt(2), rtol=1e-9)
     _, one = allan_deviation(np.tile([1.0, -1.0], 500), 10.0, [0.1, 0.2])
     np.testing.assert_allclose(one, [np.sqrt(2), 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("samples", "rate", "message"),
+    [
+        ([1.0, 2.0], 0.0, "rate 0.0 Hz: must be one number above 0"),
+        ([1.0, 2.0], -1.0, "rate -1.0 Hz: must be one number above 0"),
+        ([1.0, 2.0], "fast", "the rate must be numbers"),
+        ([1.0, np.nan], 10.0, "samples must be finite"),
+        (1.0, 10.0, r"samples of shape \(\)"),
+    ],
+)
+def test_an_allan_deviation_of_no_samples_or_rate_is_refused(samples, rate, message):
+    with pytest.raises(DataError, match=message):
+        allan_deviation(samples, rate)
 
 
 def test_noise_is_white_and_its_own_for_each_axis_seed_and_name():
