@@ -86,6 +86,8 @@ def work_of(setting: Setting, store: Store, *, spec: DatasetSpec, order: Order, 
     spans = {} if anew else recorded_spans(store)
     for name in (one.sensor.name for one in chosen):
         spans[name] = joined((*spans.get(name, ()), order.span))
+    names = [one.sensor.name for one in rig]
+    spans = {name: spans[name] for name in names if name in spans}  # whoever was recorded first
     tasks = missing(chosen, order, None if anew else store)
     return Work(
         spec=spec, order=order, setting=setting, rig=rig, anew=anew, tasks=tasks, chosen=chosen,

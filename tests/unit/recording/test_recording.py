@@ -222,6 +222,7 @@ def test_what_was_killed_goes_on_where_it_was(whole, world, tmp_path, monkeypatc
 def test_a_part_has_the_bytes_of_the_whole_and_parts_add_up(whole, world, tmp_path):
     folder, _ = whole
     wanted = files(folder)
+    tf.record(world, tmp_path, begin=4.0, end=7.0, only="lidar")
     part = tf.record(world, tmp_path, begin=4.0, end=7.0)
     found = files(part.folder)
     stamps = [int(Path(name).stem) - EPOCH for name in found if name.startswith("mav0/cam0/data/")]
