@@ -151,5 +151,7 @@ def _laz_points(points: NDArray[Any], header: Any) -> Any:
     found.x, found.y, found.z = points["x"], points["y"], points["z"]
     found.intensity = np.clip(np.rint(points["intensity"]), 0, 2**16 - 1).astype(np.uint16)
     found.gps_time = points["time"]
+    # LAS counts from 1; of a beam the lidar records one echo, whichever that is.
+    found.return_number[:], found.number_of_returns[:] = 1, 1
     found.ring, found.instance = points["ring"], points["instance"]
     return found

@@ -169,6 +169,7 @@ def read_laz(path):
     import laspy
 
     cloud = laspy.read(path)
+    assert set(cloud.return_number) == set(cloud.number_of_returns) == {1}  # as LAS counts
     kinds = [(name, "<f8") for name in ("x", "y", "z", "intensity", "ring", "time", "instance")]
     found = np.zeros(len(cloud.points), kinds)
     for name in found.dtype.names:
