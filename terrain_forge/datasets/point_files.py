@@ -26,6 +26,10 @@ _NARROW = _PLACE | {"time": "<f4"}
 _PLY = {"f4": "float", "f8": "double", "u2": "ushort", "i4": "int"}
 _SCALE = 1e-4
 """Step of a place in LAZ [m]."""
+_BRIGHTER = 100
+"""Values of LAZ's own intensity for one of ours: a white surface has 10 000 of 16 bits."""
+_INTENSITY = "intensity_float"
+"""LAZ's further dimension of intensities as they are."""
 _DAY = (2020, 9, 13)
 """Date of LAZ files, that of the first stamp: their bytes shall not tell when they were written."""
 
@@ -133,8 +137,12 @@ def _laz_writer(file: BinaryIO) -> Any:
     header.creation_date = date(*_DAY)
     header.system_identifier = "simulated"
     header.generating_software = f"terrain-forge {__version__}"[:32]
-    for name, kind in (("ring", "uint16"), ("instance", "int32")):
-        header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind))
+    told = f"16-bit intensity is {_BRIGHTER} times it"  # LAS has 32 bytes for it
+    for name, kind, text in (
+        *(("ring", "uint16", ""), ("instance", "int32", "")),
+        (_INTENSITY, "float32", told),
+    ):
+        header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind, description=text))
     backend = laspy.LazBackend.Lazrs
     return laspy.open(
         *(file, "w"), closefd=False, header=header, do_compress=True, laz_backend=backend
@@ -149,7 +157,8 @@ def _laz_points(points: NDArray[Any], header: Any) -> Any:
         raise ExportError(f"LAZ holds places up to {_SCALE * 2**31:,.0f} m, not {largest:,.0f} m")
     found = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
     found.x, found.y, found.z = points["x"], points["y"], points["z"]
-    found.intensity = np.clip(np.rint(points["intensity"]), 0, 2**16 - 1).astype(np.uint16)
+    found.intensity = np.clip(np.rint(_BRIGHTER * points["intensity"]), 0, 2**16 - 1)
+    found[_INTENSITY] = points["intensity"]
     found.gps_time = points["time"]
     # LAS counts from 1; of a beam the lidar records one echo, whichever that is.
     found.return_number[:], found.number_of_returns[:] = 1, 1

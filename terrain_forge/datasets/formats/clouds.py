@@ -74,6 +74,11 @@ class Clouds(DatasetWriter):
                 )
         if options.encoding == "bin":
             losses.append("Rings, times and instances of points are lost.")
+        if options.encoding == "laz":
+            losses.append(
+                "LAZ's own intensity is 100 times ours, rounded, ours up to 655.35; the further "
+                "dimension intensity_float has it as it is."
+            )
         return tuple(losses)
 
 

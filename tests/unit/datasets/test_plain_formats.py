@@ -11,6 +11,7 @@ from PIL import Image
 
 from terrain_forge.base import ExportError
 from terrain_forge.datasets import dataset_kind, open_recording, write_dataset
+from terrain_forge.datasets.point_files import PointFile, points_of
 from terrain_forge.writers import write_png
 from tests.helpers.recordings import (
     BASELINE,
@@ -202,6 +203,23 @@ def test_sweeps_as_files(recording, tmp_path, encoding):
                 own = np.stack([sweep[axis] for axis in "xyz"], -1)
                 assert np.abs(places - own).max() <= 5.1e-5
         assert max(off) < 2e-4 if deskew else max(off) > 0.01
+
+
+def test_intensities_of_laz_keep_what_is_below_one(recording, tmp_path):
+    import laspy
+
+    sweep = recording.lidars[0].sweep(0)
+    sweep["intensity"] = np.geomspace(0.004, 5000.0, len(sweep))
+    with PointFile(tmp_path / "sweep.laz", "laz", wide=False) as file:
+        file.add(points_of(sweep, np.zeros((len(sweep), 3)), 0.0))
+    cloud = laspy.read(tmp_path / "sweep.laz")
+    np.testing.assert_array_equal(cloud["intensity_float"], sweep["intensity"])
+    held = np.minimum(100.0 * sweep["intensity"], 65_535)
+    assert np.abs(cloud.intensity - held).max() <= 0.5
+    (told,) = (d.description for d in cloud.header.point_format if d.name == "intensity_float")
+    assert told == "16-bit intensity is 100 times it"
+    losses = write_dataset(recording, "clouds", tmp_path / "out", {"encoding": "laz"}).losses
+    assert any("intensity is 100 times ours" in loss for loss in losses)
 
 
 @pytest.mark.parametrize("encoding", READERS)
