@@ -73,10 +73,13 @@ def bits_of(camera: RecordedCamera, stream: str = "data") -> int:
     return int(camera.channels[stream].get("bits", 16))
 
 
-def bits_losses(cameras: Iterable[RecordedCamera]) -> list[str]:
-    """What is lost of pictures of more than 8 bits."""
-    wide = [one.name for one in cameras if int(one.channels["data"].get("bits", 8)) > 8]
-    return [f"Of the pictures of {', '.join(wide)} only the 8 upper bits are written."] * bool(wide)
+def picture_losses(cameras: Iterable[RecordedCamera]) -> list[str]:
+    """What is lost of pictures: how they were exposed, and of more than 8 bits the lower ones."""
+    found = list(cameras)
+    wide = [one.name for one in found if int(one.channels["data"].get("bits", 8)) > 8]
+    told = ["Exposure times and gains of pictures are lost."] * bool(found)
+    bits = f"Of the pictures of {', '.join(wide)} only the 8 upper bits are written."
+    return told + [bits] * bool(wide)
 
 
 def picture_of(camera: RecordedCamera, number: int, stream: str) -> NDArray[np.uint8]:

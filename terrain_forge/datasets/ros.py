@@ -12,7 +12,7 @@ import numpy as np
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable, quaternion_from_matrix
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
-from terrain_forge.datasets.pictures import RECTIFIED, bits_losses, picture_of, truth_stream
+from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
 from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
@@ -375,7 +375,7 @@ def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> 
 def losses(messages: RosMessages) -> tuple[str, ...]:
     """What a bag does not say of a recording."""
     found = ["Instances, classes, normals, flow and shadows of pictures are not in the bag."]
-    found += bits_losses(s for s in messages.sensors if isinstance(s, RecordedCamera))
+    found += picture_losses(s for s in messages.sensors if isinstance(s, RecordedCamera))
     if untold := messages.untold():
         found.append(f"No message of ROS is written for {', '.join(untold)}.")
     sensors = messages.recording.sensors

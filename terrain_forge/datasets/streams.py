@@ -236,6 +236,22 @@ class RecordedCamera(RecordedSensor):
         return (model, found) if found.any() or model == "equidistant" else ("none", np.zeros(0))
 
     @cached_property
+    def exposures(self) -> Array:
+        """Time of exposure [s] and gain of each picture, shape [pictures, 2].
+
+        Raises:
+            DataError: if they are not those of its pictures; earlier versions did not write them.
+        """
+        where = f"{self.key}/exposure.csv"
+        kinds = np.dtype([("stamp", "i8"), ("values", "f8", (2,))])
+        with reading(where):
+            lines = read_lines(self.folder / "exposure.csv", where)
+            rows = np.loadtxt(lines, kinds, delimiter=",", ndmin=1)
+        if not np.array_equal(rows["stamp"], self.stamps) or not np.all(rows["values"] > 0.0):
+            raise DataError(f"{where} has no time and gain above 0 at each stamp of {self.key}")
+        return np.asarray(rows["values"])
+
+    @cached_property
     def _modes(self) -> dict[str, str]:
         """Pillow's mode of the pictures of each stream, of which one was read."""
         return {}

@@ -18,7 +18,7 @@ from terrain_forge.recording.rig import Folder, body_of, from_body
 from terrain_forge.recording.store import Store
 from terrain_forge.recording.texts import files_text, matrix, table_text, yaml_text
 from terrain_forge.recording.truth import EPOCH, body_table, body_times, sensor_poses
-from terrain_forge.sensors import Series, Setting
+from terrain_forge.sensors import Frames, Series, Setting
 
 INDEX = "dataset.json"
 VERSION = 1
@@ -105,11 +105,19 @@ def _write_table(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64
 
 
 def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
-    """List the files that are there, whenever they were made; returns their times."""
+    """List the files that are there, whenever they were made, with their tables.
+
+    Returns their times.
+    """
     times = whole_times(folder, store)
     suffix = folder.streams["data"].suffix
-    name = f"{MAV}/{folder.name}/data.csv"
-    store.put(name, files_text((times + EPOCH).tolist(), suffix))
+    place = f"{MAV}/{folder.name}"
+    store.put(f"{place}/data.csv", files_text((times + EPOCH).tolist(), suffix))
+    instrument = folder.instrument
+    assert isinstance(instrument, Frames)
+    numbers = np.searchsorted(instrument.times, times).tolist()
+    for name, columns in instrument.tables(numbers).items():
+        store.put(f"{place}/{name}.csv", table_text(columns, times + EPOCH))
     return times
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -156,6 +156,10 @@ class Frames(Instrument):
     def measure(self, number: int) -> dict[str, bytes]:
         """The files of a measurement by the names of their streams."""
         raise NotImplementedError
+
+    def tables(self, numbers: Sequence[int]) -> Mapping[str, Mapping[str, Array]]:  # noqa: ARG002
+        """Tables beside its files by their names: columns of the measurements of some numbers."""
+        return {}
 
     def require(self, number: int) -> None:
         """Refuse a number that no measurement has.

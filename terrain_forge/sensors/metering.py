@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 
-from terrain_forge.base import Mask
+from terrain_forge.base import Mask, portable
 from terrain_forge.model import AutoExposure, FixedExposure
 from terrain_forge.sensors.exposure import Picture, Shutter
 
@@ -47,7 +47,8 @@ class Meter:
         """
         self._spec, self._rate, self._enough = spec, rate, enough
         self._look = look
-        self._wanted = lru_cache(maxsize=256)(self._logarithm)
+        # All are kept, a number each: in the end the exposures of a whole recording are told.
+        self._wanted = cache(self._logarithm)
 
     def shutter(self, number: int) -> Shutter:
         """The shutter of a picture."""
@@ -66,7 +67,7 @@ class Meter:
         total = math.fsum(weights)
         mean = math.fsum(w * self._wanted(n) for w, n in zip(weights, numbers, strict=True)) / total
         # In whole steps, as cameras do, so that nothing hangs on the last bit of a mean.
-        wanted = 2.0 ** (round(mean * _STEPS) / _STEPS)
+        wanted = float(portable.power(2.0, round(mean * _STEPS) / _STEPS))
         time = min(max(wanted, spec.shortest_s), spec.longest_s)
         return Shutter(time, min(max(wanted / time, 1.0), spec.most_gain))
 

@@ -12,7 +12,7 @@ from annotated_types import Len, Predicate
 from terrain_forge.base import Array, FileName, Progress, Spec, portable
 from terrain_forge.datasets.clouds import LidarMotion
 from terrain_forge.datasets.pictures import (
-    bits_losses,
+    picture_losses,
     rectified_pair,
     straight_stream,
     write_picture,
@@ -74,7 +74,7 @@ class Kitti(DatasetWriter):
             "KITTI has no IMU, no odometry, no stamps but seconds from the first picture.",
             "Depth, labels and other truth of pixels are lost.",
         ]
-        losses += bits_losses((pair.left, pair.right))
+        losses += picture_losses((pair.left, pair.right))
         if coloured:
             losses.append("image_0 and image_1 are the grey of image_2 and image_3.")
         if lidar is not None:

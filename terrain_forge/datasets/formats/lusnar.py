@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError, FileName, Positive, Progress, Spec
 from terrain_forge.datasets.clouds import places
-from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
+from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.reader import BASE, Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
 from terrain_forge.datasets.writer import DatasetWriter, Need
@@ -78,7 +78,7 @@ class Lusnar(DatasetWriter):
             "Points are rock, regolith or mountain: which of them lie in a crater is not told.",
             "Normals, instances, shadows, flow, odometry and all but the first lidar are lost.",
         ]
-        losses += bits_losses((pair.left, pair.right))
+        losses += picture_losses((pair.left, pair.right))
         if recording.link_of(recording.body_name) != BASE:
             losses.append(f"Rover_pose.txt is of {recording.body_name}, which moves on the rover.")
         if far:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import ExportError, FileName, Progress, Spec
-from terrain_forge.datasets.pictures import bits_losses, truth_stream, write_depth, write_picture
+from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedCamera
@@ -60,7 +60,7 @@ class Tum(DatasetWriter):
         truth = recording.truth_of(camera)
         head = "# timestamp tx ty tz qx qy qz qw, of the camera's optical frame in the world\n"
         (folder / "groundtruth.txt").write_text(head + tum_text(truth))
-        losses = [*bits_losses((camera,)), "One camera: no stereo, no lidar, no IMU, no labels."]
+        losses = [*picture_losses((camera,)), "One camera: no stereo, no lidar, no IMU, no labels."]
         if far:
             reach = 65535 / options.depth_factor
             losses.append(f"{far / pixels:.1%} of the pixels are farther than {reach:g} m: 0.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -176,6 +176,11 @@ class CameraFrames(Frames):
         if self.channels:
             files |= self._truth(number, truth)
         return files
+
+    def tables(self, numbers: Sequence[int]) -> Mapping[str, Mapping[str, Array]]:
+        """How pictures were exposed: what their values must be divided by to be compared."""
+        shutters = np.array([self.shutter(number) for number in numbers]).reshape(-1, 2)
+        return {"exposure": {"exposure [s]": shutters[:, 0], "gain []": shutters[:, 1]}}
 
     def exposure(self, style: str, time: float) -> Exposure:
         """What a raw or rectified picture sees at a moment [s], before its lens and its chip."""

@@ -37,6 +37,26 @@ def test_what_was_recorded_is_read(recording):
     np.testing.assert_allclose(pose, base_pose(0.2), atol=1e-12)
 
 
+def test_exposures_are_those_of_the_pictures(recording, tmp_path):
+    shutil.copytree(recording.folder, tmp_path / "dataset")
+    (camera, _) = open_recording(tmp_path).cameras
+    path, stamps = camera.folder / "exposure.csv", camera.stamps.tolist()
+    head = "#timestamp [ns],exposure [s],gain []"
+    rows = [f"{stamp},{0.001 * (n + 1)},1.0" for n, stamp in enumerate(stamps)]
+    for lines, message in (
+        (None, "no such file: cam0/exposure.csv"),
+        ([head, *rows[1:]], "cam0/exposure.csv has no time and gain above 0 at each stamp"),
+        ([head, rows[0].replace("1.0", "nan"), *rows[1:]], "no time and gain above 0"),
+    ):
+        if lines:
+            path.write_text("\n".join(lines))
+        with pytest.raises(DataError, match=message):
+            _ = camera.exposures
+    path.write_text("\n".join([head, *rows]))
+    np.testing.assert_allclose(camera.exposures[:, 0], 0.001 * np.arange(1, 6))
+    assert (camera.exposures[:, 1] == 1.0).all()
+
+
 @pytest.mark.parametrize("number", [-1, 100, 1.5, None])
 def test_a_measurement_that_is_not_there_is_told(recording, number):
     with pytest.raises(DataError, match=rf"^cam1 has no measurement {number}: 0 to \d+$"):

@@ -57,6 +57,9 @@ class Picture(Frames):
         data = b"".join(int(mix(key, 1000 * number + n)).to_bytes(8, "little") for n in range(20))
         return {"data": place + data, "class": data[:5]}
 
+    def tables(self, numbers):
+        return {"exposure": {"exposure [s]": 1e-3 + 1e-5 * np.array(numbers)}}
+
 
 class Sweep(Picture):
     """The same for a lidar."""
@@ -228,6 +231,9 @@ def test_a_part_has_the_bytes_of_the_whole_and_parts_add_up(whole, world, tmp_pa
     stamps = [int(Path(name).stem) - EPOCH for name in found if name.startswith("mav0/cam0/data/")]
     assert sorted(stamps) == [round(n * 5e8) for n in range(8, 14)]
     assert all(content == wanted[n] for n, content in found.items() if n.endswith((".bin", ".npy")))
+    shutters = found["mav0/cam0/exposure.csv"].splitlines()
+    assert len(shutters) == 7
+    assert set(shutters) < set(wanted["mav0/cam0/exposure.csv"].splitlines())
     rows = found["mav0/imu0/data.csv"].splitlines()
     assert set(rows) <= set(wanted["mav0/imu0/data.csv"].splitlines())
     assert len(rows) == 301
@@ -481,6 +487,9 @@ def test_a_quick_look_is_every_few_of_the_same_measurements(world, tmp_path):
     few, many = files(quick.folder), files(full.folder)
     pictures = [name for name in few if name.startswith("mav0/cam0/data/")]
     assert all(few[name] == many[name] for name in pictures)
+    some, all_of_them = (set(found["mav0/cam0/exposure.csv"].splitlines()) for found in (few, many))
+    assert len(some) == 1 + 8
+    assert some < all_of_them
     about = open_recording(quick.folder)
     assert (about.cameras[0].rate, about.imus[0].rate) == (4.0, 100.0)
     assert set(np.diff(about.cameras[0].stamps)) == {250_000_000}

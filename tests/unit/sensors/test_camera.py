@@ -276,6 +276,9 @@ def test_the_left_eye_meters_for_both(setting, even):
     left, right = StereoFrames(StereoSensor(name="pair", **_MAST), setting).eyes
     assert [left.shutter(n) for n in (0, 40)] == [right.shutter(n) for n in (0, 40)]
     assert left.shutter(0) != left.shutter(40)
+    told = right.tables([40, 0])["exposure"]
+    rows = list(zip(told["exposure [s]"], told["gain []"], strict=True))
+    assert rows == [left.shutter(40), left.shutter(0)]
 
 
 def test_a_pair_is_recorded_as_two_cameras_in_the_order_of_the_rig(setting):
