@@ -66,7 +66,7 @@ class Options(Spec):
     friction: NotNegative | None = None
     """Coulomb friction of ground and static rocks; without it each has its own, by body and
     surface. Dynamic rocks keep what they were settled with."""
-    dynamic_modulus_pa: Positive = 1.0e8
+    dynamic_modulus_pa: Positive = 1.0e9
     """Hydroelastic modulus of dynamic rocks [Pa]: how hard they are. The ground and the static
     rocks are rigid."""
 

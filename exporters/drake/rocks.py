@@ -35,6 +35,9 @@ from .options import Options
 
 MATERIALS = "world.mtl"
 """The material file beside the meshes."""
+DISSIPATION = 500.0
+"""Hunt and Crossley's dissipation of dynamic rocks [s/m]: Drake knows no rolling friction, and with
+its own 50 they rock from face to face for seconds."""
 
 
 def visual(name: str, uri: str, *, pose: Array | None = None, scale: float = 1.0) -> Lines:
@@ -60,7 +63,8 @@ def collision(
     if modulus is not None:
         hints = [element("drake:declare_convex")]
         soft = element("drake:compliant_hydroelastic")
-        contact = [soft, element("drake:hydroelastic_modulus", modulus)]
+        damping = element("drake:hunt_crossley_dissipation", DISSIPATION)
+        contact = [soft, element("drake:hydroelastic_modulus", modulus), damping]
     grip = leaves(**{"drake:mu_dynamic": friction, "drake:mu_static": friction})
     properties = element("drake:proximity_properties", *contact, *grip)
     return element("collision", *_solid(pose, uri, scale, *hints), properties, name=name)

@@ -125,6 +125,8 @@ def _losses(world: World, coarse: list[Mesh], load: Load, options: Options) -> t
         losses.append("Drake has no actors: the paths are left out.")
     if world.site.georeferenced:
         losses.append(PLACE_LOSS)
+    if world.field.dynamic.any():
+        losses.append("Dynamic rocks have no rolling friction, which Drake does not know.")
     losses += static_losses(world.field)
     losses += rock_look_losses(world)
     small = int((~is_single(world.field, options.individual_min_m)).sum())

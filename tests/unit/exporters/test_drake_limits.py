@@ -100,6 +100,20 @@ def test_a_ground_that_is_too_large_is_refused_before_it_is_made():
         check_capacity(Options(), nodes=4097**2, rocks=0)
 
 
+def test_dynamic_rocks_are_hard_and_damped_and_their_loss_is_told(small_world, tmp_path):
+    field = small_world.field
+    for name, dynamic in (("none", field.id < 0), ("some", np.arange(len(field)) == 5)):
+        (tmp_path / name).mkdir()
+        world = small_world.replace(field=field.replace(dynamic=dynamic))
+        report = export(world, tmp_path / name, options=Options(tile_cells=48))
+        text = (tmp_path / name / "world.sdf").read_text()
+        soft = text.count("<drake:compliant_hydroelastic/>")
+        assert (soft > 0) == (name == "some")
+        assert text.count("<drake:hydroelastic_modulus>1e+09<") == soft
+        assert text.count("<drake:hunt_crossley_dissipation>500<") == soft
+        assert ("rolling friction" in " ".join(report.losses)) == (name == "some")
+
+
 @pytest.mark.consumer
 def test_a_foreign_rover_stands_on_drakes_ground(small_world, tmp_path):
     """Its wheels are round and say nothing of contact, as in a file written for Gazebo."""
