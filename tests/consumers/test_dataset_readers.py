@@ -6,26 +6,32 @@ They are looked for beside the Python that TERRAIN_FORGE_SLAM_PYTHON names.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from terrain_forge.datasets import write_dataset
+from terrain_forge.datasets import open_recording, write_dataset
+from tests.helpers.places import ROOT
 from tests.helpers.recordings import write_recording
 
 pytestmark = pytest.mark.consumer
 
 EVALIO = """
 import sys
+from functools import partial
 from pathlib import Path
 from evalio.datasets.loaders import RosbagIter
 from evalio.types import LidarParams
 params = LidarParams(num_rows=4, num_columns=90, min_range=0.5, max_range=100.0)
 for path in map(Path, sys.argv[1:]):
-    bag = RosbagIter(path, "/velodyne_points", "/imu0", params)
-    scans, samples = len(list(bag.lidar_iter())), len(list(bag.imu_iter()))
-    print(scans, samples)
+    column = partial(by_time, column_s=0.1 / 90)
+    bag = RosbagIter(path, "/velodyne_points", "/imu0", params, custom_col_func=column)
+    scans, samples = list(bag.lidar_iter()), len(list(bag.imu_iter()))
+    told = [(p.row, p.col) for p in scans[0].points if p.x or p.y or p.z]
+    print(len(scans), samples, *(f"{row}:{column}" for row, column in told))
 """
 
 
@@ -80,8 +86,18 @@ def test_kiss_icp_reads_sweeps(python, written, tmp_path, source):
 def test_evalio_reads_bags(python, written, tmp_path):
     if subprocess.run([python, "-c", "import evalio"], capture_output=True).returncode:
         pytest.skip("evalio is not installed")
-    text = run(python, "-c", EVALIO, written / "rosbag1", written / "rosbag2", cwd=tmp_path)
-    assert text.split() == ["19", "401"] * 2
+    page = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
+    (function,) = re.findall(r"^```python\n(def by_time.*?)^```", page, re.M | re.S)
+    program = function + EVALIO
+    text = run(python, "-c", program, written / "rosbag1", written / "rosbag2", cwd=tmp_path)
+    sweep = open_recording(written).lidars[0].sweep(0)
+    columns = np.rint(sweep["time"] * 900).astype(int).tolist()
+    cells = {f"{ring}:{column}" for ring, column in zip(sweep["ring"], columns, strict=True)}
+    for line in text.splitlines():
+        scans, samples, *told = line.split()
+        assert (scans, samples) == ("19", "401")
+        assert len(told) == len(cells)
+        assert set(told) == cells
 
 
 DEBIAN = "/usr/bin/python3"
