@@ -70,7 +70,7 @@ def take_exposure(
         rotation: From the optical frame to the world, shape [3, 3] or [height, 3, 3].
         time: When the rover stands as it is seen [s], all of it or for each row, shape [height].
         colour: Linear red, green, blue rather than one channel.
-        tracks_behind: Wheels have left tracks so far along the motion [m] (`travelled`); None for
+        tracks_behind: Wheels have left tracks so far along the motion [m] (`tracked`); None for
             no tracks.
         near: What of the rover is nearer to the rays' origins is not seen [m].
     """
@@ -108,6 +108,19 @@ def travelled(motion: Motion, time: ArrayLike) -> Array:
     return np.asarray(
         np.interp(np.asarray(time, np.float64), marks, np.concatenate([[0.0], np.cumsum(steps)]))
     )
+
+
+def tracked(setting: Setting, time: float) -> float:
+    """How far along the motion wheels have left tracks at a time [m]; -inf where they leave none.
+
+    The front wheels are ahead of base_link. They began as far ahead: until they have come as far
+    again, nothing has pressed the ground just behind them.
+    """
+    if not setting.tracks:
+        return -np.inf
+    done, wheels = float(travelled(setting.motion, time)), setting.world.rover.wheels
+    ahead = max((float(wheel.centre[0]) for wheel in wheels), default=0.0)
+    return done + min(done, max(ahead, 0.0))
 
 
 _LOCK = Lock()

@@ -24,7 +24,7 @@ from terrain_forge.sensors.course import Course, follow
 from terrain_forge.sensors.instrument import Instrument, Setting
 from terrain_forge.sensors.labels import labels_of
 from terrain_forge.sensors.motion import State
-from terrain_forge.sensors.picture import travelled
+from terrain_forge.sensors.picture import tracked
 from terrain_forge.sensors.returns import (
     FIRST,
     FOUND,
@@ -126,7 +126,7 @@ def deskewed_points(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> Array
 
 def point_classes(setting: Setting, lidar: LidarSensor, sweep: Sweep) -> NDArray[np.uint8]:
     """Numbers of `CLASSES` of a sweep's points; tracks are those that there are as it begins."""
-    behind = float(travelled(setting.motion, 1e-9 * sweep.begin))
+    behind = tracked(setting, 1e-9 * sweep.begin)
     points = deskewed_points(setting, lidar, sweep)
     return labels_of(setting).of(points, sweep.instance, behind)
 

@@ -18,7 +18,7 @@ from terrain_forge.sensors.instrument import NANOSECONDS, Frames, Setting, Strea
 from terrain_forge.sensors.labels import Labels, labels_of
 from terrain_forge.sensors.lens import OPTICAL, Lens, calibration_of, lens_of, rays_of, unproject
 from terrain_forge.sensors.metering import LOOK, Meter
-from terrain_forge.sensors.picture import Exposure, take_exposure, travelled
+from terrain_forge.sensors.picture import Exposure, take_exposure, tracked
 from terrain_forge.sky import beam
 from terrain_forge.writers import encode_png
 
@@ -195,7 +195,7 @@ class CameraFrames(Frames):
             rotation=eye.rotation,
             time=eye.times,
             colour=self.sensor.colour,
-            tracks_behind=self._driven(eye.time),
+            tracks_behind=tracked(self.setting, eye.time),
             near=self.sensor.near_m,
         )
 
@@ -263,7 +263,8 @@ class CameraFrames(Frames):
         if name == "instance":
             return channels.id_file(exposure, self._labels)
         if name == "class":
-            return channels.class_file(exposure, points, self._labels, self._driven(eye.time))
+            behind = tracked(self.setting, eye.time)
+            return channels.class_file(exposure, points, self._labels, behind)
         if name == "shadow":
             return channels.shadow_file(exposure)
         if name == "flow":
@@ -329,7 +330,3 @@ class CameraFrames(Frames):
         still = np.tile(position, (rows, 1)), np.tile(rotation, (rows, 1, 1))
         seen = self._see(rays, Eye(eye.time, np.full(rows, eye.time), *still))
         return seen.radiance, seen.instance == MISSED
-
-    def _driven(self, time: float) -> float:
-        """How far along its motion the rover has left tracks [m]."""
-        return float(travelled(self.setting.motion, time)) if self.setting.tracks else -np.inf

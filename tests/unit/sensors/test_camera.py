@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,13 +18,15 @@ from terrain_forge.model import (
     RadialTangential,
     StereoSensor,
 )
+from terrain_forge.scene import GROUND
 from terrain_forge.sensors import Scenery, Setting, instrument_kinds, instruments_of, motion_of_path
 from terrain_forge.sensors.channels import depth_file
 from terrain_forge.sensors.flare import SunSeen, add_sun
 from terrain_forge.sensors.instruments.camera import CameraFrames
 from terrain_forge.sensors.instruments.stereo import StereoFrames
-from terrain_forge.sensors.labels import CLASSES
+from terrain_forge.sensors.labels import CLASSES, Labels
 from terrain_forge.sensors.lens import OPTICAL, lens_of, project, rays_of
+from terrain_forge.sensors.picture import tracked
 from tests.helpers import worlds
 from tests.helpers.rovers import morpheus
 
@@ -205,6 +208,22 @@ def test_labels_are_what_rays_meet_and_tracks_are_behind(setting):
             away = np.linalg.norm(places[:, None] - way, axis=2).min(axis=1)
             gauge = np.abs(world.rover.wheel_centres[:, 1]).max()
             assert np.abs(away - gauge).max() < 0.5 * world.rover.wheels[0].width + 0.02
+
+
+def test_tracks_begin_at_the_front_wheels(setting):
+    labels, wheels = Labels(setting.scenery), setting.world.rover.wheel_centres
+    along = np.array([0.05, 0.35, 0.55])  # the front wheels stand at 0.42 m
+    own = np.column_stack([along, np.full(3, wheels[:, 1].max()), np.zeros(3)])
+    ground = np.full(3, GROUND, np.int32)
+
+    def told(one, time):
+        state = one.motion.base.at(np.array([time]))
+        points = state.position + own @ state.rotation[0].T
+        return [CLASSES[kind] for kind in labels.of(points, ground, tracked(one, time))]
+
+    assert told(setting, 10.0) == ["track", "track", "ground"]
+    assert told(setting, 0.0) == ["ground"] * 3
+    assert told(replace(setting, tracks=False), 10.0) == ["ground"] * 3
 
 
 class _EvenScene:
