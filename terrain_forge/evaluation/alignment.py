@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable
+from terrain_forge.base import Array, DataError, Mask, portable
 from terrain_forge.evaluation.poses import TimedPoses
 
 Part = Literal["first_third", "all", "origin", "none"]
@@ -16,6 +16,8 @@ By = Literal["index", "time", "length"]
 """What a third is counted by."""
 Association = Literal["nearest", "interpolated"]
 """How truth is found at an estimate's times."""
+_LEAST = 3
+"""Poses that must belong together, for an alignment to be one."""
 
 
 def associate(
@@ -36,7 +38,7 @@ def associate(
         most: Largest difference of nearest times [s].
 
     Raises:
-        DataError: if less than two poses belong together, or one is no poses.
+        DataError: if less than three poses belong together, or one is no poses.
     """
     for what, poses in (("the truth", truth), ("the estimate", estimate)):
         if not isinstance(poses, TimedPoses):
@@ -47,28 +49,38 @@ def associate(
             raise DataError(f"{name} has no poses")
     if association == "interpolated":
         within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
-        kept = estimate.select(np.flatnonzero(within)) if within.sum() > 1 else None
-        pair = (truth.at(kept.time), kept) if kept is not None else None
-    else:
-        swapped = len(truth.time) < len(estimate.time)
-        short, long = (truth, estimate) if swapped else (estimate, truth)
-        rows = nearest(long.time, short.time)
-        close = np.abs(long.time[rows] - short.time) <= most
-        found = short.select(np.flatnonzero(close)), long.select(rows[close])
-        pair = (found if swapped else found[::-1]) if close.sum() > 1 else None
-    if pair is None:
+        _require_enough(within, truth, estimate)
+        kept = estimate.select(np.flatnonzero(within))
+        return truth.at(kept.time), kept
+    swapped = len(truth.time) < len(estimate.time)
+    short, long = (truth, estimate) if swapped else (estimate, truth)
+    rows = nearest(long.time, short.time)
+    close = np.abs(long.time[rows] - short.time) <= most
+    _require_enough(close, truth, estimate, f", and most_apart_s is {most:g} s")
+    found = short.select(np.flatnonzero(close)), long.select(rows[close])
+    return found if swapped else found[::-1]
+
+
+def _require_enough(paired: Mask, truth: TimedPoses, estimate: TimedPoses, near: str = "") -> None:
+    """Refuse poses of which too few are paired; `near` tells what else may be why."""
+    if (count := np.count_nonzero(paired)) < _LEAST:
         raise DataError(
-            f"{estimate.name}: lasts from {estimate.time[0]:.3f} to {estimate.time[-1]:.3f} s, the "
-            f"truth from {truth.time[0]:.3f} to {truth.time[-1]:.3f} s: less than two poses belong "
-            f"together{_unit_hint(truth.time[-1], estimate.time[-1])}"
+            f"{estimate.name}: at least {_LEAST} poses at times of the truth are needed, "
+            f"found {count}: it lasts from {estimate.time[0]:.3f} to {estimate.time[-1]:.3f} s, "
+            f"the truth from {truth.time[0]:.3f} to {truth.time[-1]:.3f} s"
+            f"{near}{_clock_hint(truth.time, estimate.time)}"
         )
-    return pair
 
 
-def _unit_hint(one: float, other: float) -> str:
-    """What is likely wrong with stamps that are so far apart."""
-    few, many = sorted((abs(one), abs(other)))
-    return " (stamps are in seconds; are some nanoseconds?)" if many > 1e6 * max(few, 1.0) else ""
+def _clock_hint(one: Array, other: Array) -> str:
+    """What is likely wrong with stamps of which one lasts, or begins, as no other does."""
+    short, long = sorted((one, other), key=np.ptp)
+    if np.ptp(long) > 1e6 * np.ptp(short) > 0.0:
+        return " (stamps are in seconds; are some nanoseconds?)"
+    early, late = sorted((one, other), key=lambda time: float(time[0]))
+    if late[0] > early[-1] and abs(early[0]) <= np.ptp(early):
+        return " (is one counted from its own begin?)"
+    return ""
 
 
 def nearest(sorted_times: Array, times: Array) -> NDArray[np.intp]:

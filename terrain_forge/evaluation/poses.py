@@ -176,7 +176,7 @@ def read_rows(
         rows.append(row + [np.nan] * (most - len(row)))
         places.append(f"{path}:{number}")
     if len(rows) < least:
-        raise DataError(f"{path}: {len(rows)} poses, at least {least} are needed")
+        raise DataError(f"{path}: a trajectory has at least {least} poses, found {len(rows)}")
     return np.array(rows).reshape(-1, most), places
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, DataError, NotNegative, Positive, Record, Spec, portable
+from terrain_forge.base import Array, NotNegative, Positive, Record, Spec, portable
 from terrain_forge.evaluation.alignment import Association, By, Part, aligned, associate
 from terrain_forge.evaluation.poses import TimedPoses
 
@@ -140,10 +140,6 @@ def score_poses(
     true, told = associate(
         truth, estimate, association=options.association, most=options.most_apart_s
     )
-    if len(true.time) < 3:
-        raise DataError(
-            f"{estimate.name}: {len(true.time)} poses at times of the truth, at least 3"
-        )
     laid, motion = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)

@@ -70,7 +70,7 @@ class Clouds(DatasetWriter):
             left_out = write(recording, lidar, folder, options, progress)
             if left_out:
                 losses.append(
-                    f"{left_out} sweeps of {lidar.name} are left out: they outlast the truth."
+                    f"Sweeps of {lidar.name} that outlast the truth are left out: {left_out}."
                 )
         if options.encoding == "bin":
             losses.append("Rings, times and instances of points are lost.")

@@ -63,7 +63,10 @@ WRONG = {
     "print('no vocabulary'); sys.exit(3)": ("failed", "ended with status 3: no vocabulary"),
     "os.abort()": ("failed", f"ended with signal {signal.SIGABRT.value}"),
     "pass": ("lost", "wrote no trajectory (fake.tum)"),
-    "open(target, 'w').write('0 0 0 0 0 0 0 1')": ("lost", "1 poses, at least 2"),
+    "open(target, 'w').write('0 0 0 0 0 0 0 1')": (
+        "lost",
+        "a trajectory has at least 2 poses, found 1",
+    ),
     "open(target, 'w').write('0 nan 0 0 0 0 0 1\\n1 0 0 0 0 0 0 1')": (
         "lost",
         "fake.tum:1: a value",

@@ -183,7 +183,7 @@ WRONG = {
     "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1": ":2: its time is not after the one before",
     "# t\n0 0 0 0 0 0 0 1\n1 nan 0 0 0 0 0 1": ":3: a value is not a finite number",
     "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 2": ":2: its quaternion is not of length one",
-    "0 0 0 0 0 0 0 1": "1 poses, at least 2",
+    "0 0 0 0 0 0 0 1": "a trajectory has at least 2 poses, found 1",
 }
 
 
@@ -210,12 +210,17 @@ def test_no_common_time_is_told():
     truth = _circle()
     later = truth.replace(time=truth.time + 1e4)
     with pytest.raises(
-        DataError, match=r"the truth from 0\.000 to 239\.900 s: less than two poses"
+        DataError, match=r"found 0: .*, the truth from 0\.000 to 239\.900 s.* its own begin\?"
     ):
         score_poses(truth, later)
     assert aligned(truth, later, part="none")[0] is later
     with pytest.raises(DataError, match="stamps are in seconds; are some nanoseconds"):
         score_poses(truth, truth.replace(time=1e9 * truth.time))
+    aside = truth.replace(time=truth.time + 0.04)
+    with pytest.raises(DataError, match=r"found 0: .*, and most_apart_s is 0\.01 s$"):
+        score_poses(truth, aside)
+    with pytest.raises(DataError, match=r"at least 3 poses .* needed, found 2: "):
+        score_poses(truth, aside.select(np.arange(2)), ScoreOptions(association="interpolated"))
 
 
 def test_what_is_no_poses_is_refused():
