@@ -26,6 +26,8 @@ _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _KEPT = 2**24
 """Bytes of what a program printed or wrote that are kept."""
 _LOG = "output.txt"
+_TOLD = 4
+"""Names of files that a message has at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +55,7 @@ class Adapter(Spec):
     """Program and arguments."""
     output: Annotated[str, MinLen(1)] = "{output}"
     """The trajectory's file, where the program itself chooses its name: relative to the temporary
-    folder, `*` for any characters."""
+    folder, `*` for any characters; it must name one file."""
     format: OutputFormat = "tum"
     """Format of the trajectory."""
     stamps: str = ""
@@ -195,8 +197,8 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
             trajectory = keep / f"{adapter.name}.{adapter.format}"
             trajectory.unlink(missing_ok=True)  # an earlier run's
-            for path in _found(folder, pattern)[:1]:
-                shutil.copyfile(path, trajectory)
+            if len(files := _found(folder, pattern)) == 1:
+                shutil.copyfile(files[0], trajectory)
         last = _end_of(folder / _LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(
@@ -207,12 +209,14 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
 
 def _closures(folder: Path, pattern: str) -> tuple[Loops | None, str]:
     """The loop closures that a program wrote, or what is wrong with them."""
-    if not (files := _found(folder, pattern)):
-        return None, f"wrote no loop closures ({Path(pattern).name}) in its folder"
     try:
-        return read_loops(files[0]), ""
+        path = _one_file(folder, pattern, "loop closures")
     except DataError as error:
-        return None, f"loop closures: {str(error).replace(f'{files[0].parent}/', '')}"
+        return None, f"{error} in its folder"
+    try:
+        return read_loops(path), ""
+    except DataError as error:
+        return None, f"loop closures: {str(error).replace(f'{path.parent}/', '')}"
 
 
 def _watched(
@@ -250,23 +254,34 @@ def _found(folder: Path, pattern: str) -> list[Path]:
     inside = folder.resolve()
     path = Path(pattern)
     named = [path] if path.is_absolute() else sorted(folder.glob(pattern))
-    return [p for p in named if p.is_file() and p.resolve().is_relative_to(inside)]
+    found = {p.resolve(): p for p in named if p.is_file()}  # a link to another one is no second
+    return [path for place, path in found.items() if place.is_relative_to(inside)]
+
+
+def _one_file(folder: Path, pattern: str, what: str) -> Path:
+    """The file of its own folder that a pattern names.
+
+    Raises:
+        DataError: if there is none, or more than one.
+    """
+    found = _found(folder, pattern)
+    if len(found) > 1:
+        names = ", ".join(str(path.relative_to(folder)) for path in found[:_TOLD])
+        raise DataError(f"wrote {len(found)} files of its {what} ({pattern}): {names}")
+    if not found:
+        raise DataError(f"wrote no {what} ({Path(pattern).name})")
+    return found[0]
 
 
 def _estimate(
     folder: Path, pattern: str, stamps: str, adapter: Adapter
 ) -> tuple[TimedPoses | None, str]:
     """The trajectory that a program wrote, or what is wrong with it."""
-    files = _found(folder, pattern)
-    if not files:
-        return None, f"wrote no trajectory ({Path(pattern).name})"
-    beside = _found(folder, stamps) if stamps else []
-    if stamps and not beside:
-        return None, f"wrote no stamps ({Path(stamps).name})"
     try:
+        path = _one_file(folder, pattern, "trajectory")
+        times = _one_file(folder, stamps, "stamps") if stamps else None
         if adapter.format == "kitti":
-            times = beside[0] if beside else None
-            return read_kitti_poses(files[0], name=adapter.name, stamps=times), ""
-        return read_poses(files[0], name=adapter.name, euroc=adapter.format == "euroc"), ""
+            return read_kitti_poses(path, name=adapter.name, stamps=times), ""
+        return read_poses(path, name=adapter.name, euroc=adapter.format == "euroc"), ""
     except DataError as error:
         return None, str(error).replace(f"{folder}/", "")

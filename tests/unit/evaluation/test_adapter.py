@@ -137,6 +137,22 @@ def test_a_trajectory_outside_its_folder_is_none_of_its_own(tmp_path):
     assert not (tmp_path / "kept" / "fake.tum").exists()
 
 
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_name_that_two_files_have_tells_no_trajectory(tmp_path, linked):
+    """A link to the other one, as to the latest result, is no second one."""
+    second = "os.symlink('one', 'r/two')" if linked else "os.makedirs('r/two')"
+    body = f"""
+    os.makedirs('r/one')
+    {second}
+    for place in ('r/one', 'r/two'):
+        open(f'{{place}}/a.txt', 'w').write(open(source).read())
+    """
+    run = _system(tmp_path, body, output="r/*/a.txt")
+    wanted = "wrote 2 files of its trajectory (r/*/a.txt): r/one/a.txt, r/two/a.txt"
+    assert (run.status, run.why) == (("done", "") if linked else ("lost", wanted))
+    assert (tmp_path / "kept" / "fake.tum").exists() == linked
+
+
 def test_a_command_that_cannot_be_filled_in_is_told():
     for command, told in {
         "run {inptu}": "command has {inptu}, known: {input}, {output}",
