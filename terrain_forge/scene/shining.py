@@ -89,7 +89,7 @@ def _imprint(space, lane, stage, wheels, behind):  # type: ignore[no-untyped-def
         point = wheels.points[at]
         cos, sin, off_x, off_y = point[2], point[3], x - point[0], y - point[1]
         along = point[4] + off_x * cos + off_y * sin
-        if along <= behind:
+        if _0 < along <= behind:  # behind its begin the wheels have not been
             sideways = off_y * cos - off_x * sin
             return _pressed(space, lane, wheels, sideways, along, cos, sin)
     return _0, _0, _0

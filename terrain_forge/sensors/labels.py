@@ -128,7 +128,7 @@ def _classify(  # type: ignore[no-untyped-def]
             if at < 0:
                 break
             east, north = x - path[at, 0], y - path[at, 1]
-            if path[at, 4] + east * path[at, 2] + north * path[at, 3] <= behind:
+            if 0.0 < path[at, 4] + east * path[at, 2] + north * path[at, 3] <= behind:
                 aside = abs(north * path[at, 2] - east * path[at, 3])
                 if abs(aside - half_gauge) <= half_width:
                     classes[n] = TRACK

@@ -212,18 +212,18 @@ def test_labels_are_what_rays_meet_and_tracks_are_behind(setting):
 
 def test_tracks_begin_at_the_front_wheels(setting):
     labels, wheels = Labels(setting.scenery), setting.world.rover.wheel_centres
-    along = np.array([0.05, 0.35, 0.55])  # the front wheels stand at 0.42 m
-    own = np.column_stack([along, np.full(3, wheels[:, 1].max()), np.zeros(3)])
-    ground = np.full(3, GROUND, np.int32)
+    along = np.array([0.05, 0.35, 0.55, -0.1])  # the front wheels stand at 0.42 m
+    own = np.column_stack([along, np.full(4, wheels[:, 1].max()), np.zeros(4)])
+    ground = np.full(4, GROUND, np.int32)
 
     def told(one, time):
         state = one.motion.base.at(np.array([time]))
         points = state.position + own @ state.rotation[0].T
         return [CLASSES[kind] for kind in labels.of(points, ground, tracked(one, time))]
 
-    assert told(setting, 10.0) == ["track", "track", "ground"]
-    assert told(setting, 0.0) == ["ground"] * 3
-    assert told(replace(setting, tracks=False), 10.0) == ["ground"] * 3
+    assert told(setting, 10.0) == ["track", "track", "ground", "track"]
+    assert told(setting, 0.0) == ["ground"] * 4
+    assert told(replace(setting, tracks=False), 10.0) == ["ground"] * 4
 
 
 class _EvenScene:
