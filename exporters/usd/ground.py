@@ -44,8 +44,6 @@ DETAIL = "ground_detail.png"
 """The normal map that all tiles' materials repeat."""
 _SOIL = "st1"
 """Texture coordinates of the land beyond for that map: its own picture is a palette."""
-_LEAST_DEPTH = 0.1
-"""A crater that has less of its fresh depth left than this part is ground like any other."""
 _CENTRES = np.array([(2 / 3, 1 / 3), (1 / 3, 2 / 3)])
 """Centres of a cell's two triangles, in the order of `ground_mesh.grid_faces` [cells]."""
 
@@ -168,10 +166,9 @@ def bind_faces(
             bind_friction(subset.GetPrim(), felt[kind])
 
 
-def fresh_craters(world: World) -> list[Craters]:
+def shown_craters(world: World) -> list[Craters]:
     """The craters of each layer that still show in the world's ground."""
-    found = (craters for _, craters in craters_of(world))
-    return [some.select(some.depth >= _LEAST_DEPTH * some.fresh_depth) for some in found]
+    return [craters.select(craters.shows) for _, craters in craters_of(world)]
 
 
 def label_craters(mesh: UsdGeom.Mesh, ground: Heightfield, layers: list[Craters]) -> None:

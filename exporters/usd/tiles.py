@@ -35,7 +35,7 @@ from terrain_forge.rocks import seen_close
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, bind_faces, fresh_craters, label_craters
+from .ground import DETAIL, bind_faces, label_craters, shown_craters
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
@@ -103,7 +103,7 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
     make_collider(mesh, UsdPhysics.Tokens.none)
     label(mesh.GetPrim(), "ground")
     if level.stride == 1:
-        label_craters(mesh, ground, fresh_craters(tile.world))
+        label_craters(mesh, ground, shown_craters(tile.world))
     look = f"/{name}/Looks/regolith"
     friction = world_friction(tile.whole.site.body, options)
     material = define_textured(stage, look, "./ground.png", friction.ground, wrap="clamp")

@@ -33,7 +33,7 @@ from terrain_forge.model import ExportReport, Mesh, World
 from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import encode_hdr, write_png
 
-from .ground import DETAIL, fresh_craters, write_ground, write_horizon
+from .ground import DETAIL, shown_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save, turn_by
 from .options import Options
 from .rocks import write_library, write_pebbles, write_rock_maps, write_rocks
@@ -60,7 +60,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     shapes = world.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
-    craters, parts = fresh_craters(world), {"Ground": list[str](), "Rocks": list[str]()}
+    craters, parts = shown_craters(world), {"Ground": list[str](), "Rocks": list[str]()}
     for tile in world.tiles(cells=options.tile_cells):
         write_ground(tile, assets, craters=craters, options=options)
         write_rocks(tile, assets, coarse=coarse, levels=levels, close=close, options=options)

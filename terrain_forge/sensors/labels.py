@@ -20,11 +20,6 @@ CLASSES = ("ground", "crater", "rock", "ripple", "track", "rover", "sky", "beyon
 """Classes of pixels by their numbers; `beyond` is the ground beyond the site."""
 SOIL, CRATER, ROCK, RIPPLE, TRACK, ROVER, SKY, BEYOND = range(len(CLASSES))
 
-_DEEP = 0.04
-"""Depth over diameter from which a crater counts: its walls still reach some 5°. Those of an
-equilibrium end at 0.046."""
-_KEPT_DEPTH = 0.5
-"""Part of the fresh depth from which one that was never as deep counts, too."""
 _FEWEST_CELLS = 4.0
 
 
@@ -73,7 +68,7 @@ def labels_of(setting: Setting) -> Labels:
 def _kinds(world: World) -> NDArray[np.uint8]:
     """Class of each node: bedforms where their layer moves it, craters within their rims.
 
-    Craters count that are deep enough now and wide enough for the grid. They come before bedforms,
+    Craters count that show and are wide enough for the grid. They come before bedforms,
     which they are wider than or have broken up.
     """
     site, ground = world.site, world.ground
@@ -83,9 +78,8 @@ def _kinds(world: World) -> NDArray[np.uint8]:
         if isinstance(layer, Ripples):
             kinds[layer.masked_relief(site=site, window=window, elevation=heights) != 0.0] = RIPPLE
     for made, craters in craters_of(world):
-        least = np.minimum(_DEEP * craters.diameter, _KEPT_DEPTH * craters.fresh_depth)
         wide = craters.diameter >= _FEWEST_CELLS * ground.spacing
-        seen = craters.select((craters.depth >= least) & wide)
+        seen = craters.select(craters.shows & wide)
         places = np.ascontiguousarray((seen.xy - ground.origin) / ground.spacing)
         within = kinds.copy()
         _stamp(places, 0.5 * seen.diameter / ground.spacing, np.uint8(CRATER), within)

@@ -7,8 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Rows, kernel, portable, shaped
+from terrain_forge.base import Array, Mask, Rows, kernel, portable, shaped
 from terrain_forge.terrain.cratering.degradation import ROWS, STEP, worn_shapes
+
+_DEEP = 0.04
+"""Depth over diameter from which a crater shows: its walls still reach some 5°. Those of an
+equilibrium end at 0.046."""
+_KEPT_DEPTH = 0.5
+"""Part of the fresh depth from which one that was never as deep shows, too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +61,12 @@ class Craters(Rows):
         row, share = table_place(self.wear)
         depth = _relief(worn_shapes()[0], row, share, self.weights)
         return np.asarray(np.where(self.wear < 1.0, depth, 0.0))
+
+    @property
+    def shows(self) -> Mask:
+        """Which ones are deep enough now to be called craters, shape [craters]."""
+        least = np.minimum(_DEEP * self.diameter, _KEPT_DEPTH * self.fresh_depth)
+        return np.asarray(self.depth >= least)
 
     def profile(self, number: int, distance: Array) -> Array:
         """Height [m] above the ground around of one crater at distances from its centre [m]."""
