@@ -33,10 +33,7 @@ def define_textured(
     material = (
         UsdShade.Material.Define(stage, path) if plain else define_friction(stage, path, friction)
     )
-    matt = {"roughness": (_KINDS.Float, 1.0), "metallic": (_KINDS.Float, 0.0)}
-    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **matt)
-    output = shader.CreateOutput("surface", _KINDS.Token)
-    material.CreateSurfaceOutput().ConnectToSource(output)
+    shader = _surface(stage, material, roughness=1.0)
     coordinates = _coordinates(stage, f"{path}/st", "st")
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
     if tuple(factor) != (1.0, 1.0, 1.0):
@@ -55,14 +52,8 @@ def define_paint(stage: Usd.Stage, looks: str, rgb: Sequence[float]) -> UsdShade
     if prim := stage.GetPrimAtPath(path):
         return UsdShade.Material(prim)
     material = UsdShade.Material.Define(stage, path)
-    told = {
-        "diffuseColor": (_KINDS.Color3f, Gf.Vec3f(*linear_from_srgb(np.array(rgb)).tolist())),
-        "roughness": (_KINDS.Float, 0.6),
-        "metallic": (_KINDS.Float, 0.0),
-    }
-    shader = _shader(stage, f"{path}/surface", "UsdPreviewSurface", **told)
-    output = shader.CreateOutput("surface", _KINDS.Token)
-    material.CreateSurfaceOutput().ConnectToSource(output)
+    colour = Gf.Vec3f(*linear_from_srgb(np.array(rgb)).tolist())
+    _surface(stage, material, roughness=0.6).CreateInput("diffuseColor", _KINDS.Color3f).Set(colour)
     return material
 
 
@@ -148,6 +139,14 @@ def bind_friction(prim: Usd.Prim, material: UsdShade.Material) -> None:
 def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
     """Give a prim and all below it a material."""
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def _surface(stage: Usd.Stage, material: UsdShade.Material, *, roughness: float) -> UsdShade.Shader:
+    """The preview surface that a material shows, of no metal."""
+    figures = {"roughness": (_KINDS.Float, roughness), "metallic": (_KINDS.Float, 0.0)}
+    shader = _shader(stage, f"{material.GetPath()}/surface", "UsdPreviewSurface", **figures)
+    material.CreateSurfaceOutput().ConnectToSource(shader.CreateOutput("surface", _KINDS.Token))
+    return shader
 
 
 def _define_image(

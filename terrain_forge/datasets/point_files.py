@@ -26,9 +26,9 @@ _NARROW = _PLACE | {"time": "<f4"}
 _PLY = {"f4": "float", "f8": "double", "u2": "ushort", "i4": "int"}
 _SCALE = 1e-4
 """Step of a place in LAZ [m]."""
-_BRIGHTER = 100
+BRIGHTER = 100
 """Values of LAZ's own intensity for one of ours: a white surface has 10 000 of 16 bits."""
-_INTENSITY = "intensity_float"
+INTENSITY = "intensity_float"
 """LAZ's further dimension of intensities as they are."""
 _DAY = (2020, 9, 13)
 """Date of LAZ files, that of the first stamp: their bytes shall not tell when they were written."""
@@ -137,10 +137,10 @@ def _laz_writer(file: BinaryIO) -> Any:
     header.creation_date = date(*_DAY)
     header.system_identifier = "simulated"
     header.generating_software = f"terrain-forge {__version__}"[:32]
-    told = f"16-bit intensity is {_BRIGHTER} times it"  # LAS has 32 bytes for it
+    told = f"16-bit intensity is {BRIGHTER} times it"  # LAS has 32 bytes for it
     for name, kind, text in (
         *(("ring", "uint16", ""), ("instance", "int32", "")),
-        (_INTENSITY, "float32", told),
+        (INTENSITY, "float32", told),
     ):
         header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind, description=text))
     backend = laspy.LazBackend.Lazrs
@@ -157,8 +157,8 @@ def _laz_points(points: NDArray[Any], header: Any) -> Any:
         raise ExportError(f"LAZ holds places up to {_SCALE * 2**31:,.0f} m, not {largest:,.0f} m")
     found = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
     found.x, found.y, found.z = points["x"], points["y"], points["z"]
-    found.intensity = np.clip(np.rint(_BRIGHTER * points["intensity"]), 0, 2**16 - 1)
-    found[_INTENSITY] = points["intensity"]
+    found.intensity = np.clip(np.rint(BRIGHTER * points["intensity"]), 0, 2**16 - 1)
+    found[INTENSITY] = points["intensity"]
     found.gps_time = points["time"]
     # LAS counts from 1; of a beam the lidar records one echo, whichever that is.
     found.return_number[:], found.number_of_returns[:] = 1, 1

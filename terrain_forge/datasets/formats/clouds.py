@@ -8,7 +8,13 @@ from typing import Any, ClassVar
 
 from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
 from terrain_forge.datasets.clouds import LidarMotion, on_rover, places
-from terrain_forge.datasets.point_files import Encoding, PointFile, points_of
+from terrain_forge.datasets.point_files import (
+    BRIGHTER,
+    INTENSITY,
+    Encoding,
+    PointFile,
+    points_of,
+)
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
@@ -76,8 +82,8 @@ class Clouds(DatasetWriter):
             losses.append("Rings, times and instances of points are lost.")
         if options.encoding == "laz":
             losses.append(
-                "LAZ's own intensity is 100 times ours, rounded, ours up to 655.35; the further "
-                "dimension intensity_float has it as it is."
+                f"LAZ's own intensity is {BRIGHTER} times ours, rounded, ours up to "
+                f"{(2**16 - 1) / BRIGHTER:g}; the further dimension {INTENSITY} has it as it is."
             )
         return tuple(losses)
 
