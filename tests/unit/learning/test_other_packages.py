@@ -22,7 +22,7 @@ import pytest
 
 from terrain_forge import learning
 from terrain_forge.variation import worlds
-from tests.unit.learning.test_learning import recipe
+from tests.helpers.driving_worlds import recipe
 
 pytestmark = pytest.mark.consumer
 SIZE = (6.0, 5.0)

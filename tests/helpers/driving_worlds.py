@@ -1,0 +1,29 @@
+"""Small worlds to drive in, and the environment over them."""
+
+import pytest
+
+import terrain_forge as tf
+from terrain_forge.dtm import FlatDtm
+
+ID = "terrain_forge.learning:TerrainForge/Drive-v0"
+
+
+def recipe() -> tf.Recipe:
+    rocks = tf.PopulationSpec(
+        name="rocks", size_frequency=tf.Golombek(k=0.05), diameter_m=(0.4, 0.9)
+    )
+    return tf.Recipe(
+        name="drive",
+        seed=5,
+        body="mars",
+        dtm=FlatDtm(size_m=(10.0, 8.0)),
+        terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
+        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=(rocks,)),
+        rover="skid4",
+        exports={"mjcf": {"timestep_s": 0.005, "visual_min_m": 2, "texture_pixels": 16}},
+        worlds=tf.WorldsSpec(difficulty=tf.DifficultySpec(level=(0.2, 0.5))),
+    )
+
+
+def make(made, **given):
+    return pytest.importorskip("gymnasium").make(ID, worlds=made.directory, distance_m=3.0, **given)

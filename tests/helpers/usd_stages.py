@@ -1,0 +1,34 @@
+"""What USD files of an export say."""
+
+from functools import partial
+
+import numpy as np
+from pxr import UsdGeom, UsdSemantics, UsdValidation
+
+from tests.helpers import exports
+
+exported = partial(exports.exported, "usd")
+
+
+def findings(stage):
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) > 20
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [(error.GetName(), error.GetMessage()) for error in errors]
+
+
+def world_mesh(prim):
+    """Vertices in the world frame and faces of a mesh."""
+    mesh = UsdGeom.Mesh(prim)
+    matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(prim))
+    points = np.array(mesh.GetPointsAttr().Get(), float) @ matrix[:3, :3] + matrix[3, :3]
+    assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
+    return points, np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+
+
+def labelled(stage, name):
+    for prim in stage.Traverse():
+        if prim.HasAPI(UsdSemantics.LabelsAPI):
+            labels = UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get()
+            if list(labels) == [name]:
+                yield prim

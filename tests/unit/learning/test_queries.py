@@ -1,0 +1,152 @@
+"""Batched queries of many worlds, and ground for other packages."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import terrain_forge as tf
+from tests.helpers.driving_worlds import recipe
+
+gymnasium = pytest.importorskip("gymnasium")
+from terrain_forge import learning  # noqa: E402
+
+
+def points(made):
+    rng = np.random.default_rng(0)
+    world = rng.integers(0, 2, 500)
+    return world, rng.uniform(-4.9, 4.9, 500), rng.uniform(-3.9, 3.9, 500)
+
+
+def test_batched_queries_equal_those_of_each_world(made):
+    grounds = learning.Grounds.of(made.folders)
+    loaded = [tf.World.load(folder) for folder in made.folders]
+    n, x, y = points(made)
+    height = grounds.height_at(n, x, y)
+    assert grounds.height_at(1, float(x[1]), float(y[1])) == pytest.approx(
+        grounds.height_at(np.array([1]), x[1:2], y[1:2])[0]
+    )
+    assert grounds.top_at(0, 0.0, 0) >= grounds.height_at(0, 0.0, 0) - 0.1
+    for number, world in enumerate(loaded):
+        own = n == number
+        assert height[own] == pytest.approx(world.ground.height_at(x[own], y[own]), abs=1e-6)
+    east, north = grounds.rise_at(n, x, y)
+    step = 1e-4
+    assert np.median(np.abs((grounds.height_at(n, x + step, y) - height) / step - east)) < 1e-3
+    normal = np.stack(grounds.normal_at(n, x, y))
+    assert np.linalg.norm(normal, axis=0) == pytest.approx(1.0)
+    assert normal[0] / normal[2] == pytest.approx(-east)
+    assert grounds.slope_at(n, x, y) == pytest.approx(np.hypot(east, north))
+    on_rock = grounds.rock_at(n, x, y) >= 0
+    assert on_rock.any()
+    assert np.all(grounds.top_at(n, x, y)[on_rock] > height[on_rock] - 0.3)
+
+
+def test_queries_take_lists_and_numbers(made):
+    grounds = learning.Grounds.of(made.folders)
+    x, y = [1.0, -2.0], [0.5, 1]
+    for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.slope_at):
+        found = ask(np.array([0, 1]), np.array(x), np.array(y))
+        assert np.array_equal(ask([0, 1], x, y), found)
+        assert ask(1, x[1], y[1]) == found[1]
+        assert ask([0, 1], x, y[0])[0] == found[0]
+    assert grounds.height_at([], [], []).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("world", "found"),
+    [
+        (-1, "world -1"),
+        (np.int32(2), "world 2"),
+        ([0, 5], "world 5"),
+        (True, "worlds of the type bool"),
+        (np.array([True, False]), "worlds of the type bool"),
+        (0.0, "worlds of the type float64"),
+        ("a", "worlds of the type str32"),
+        (None, "worlds of the type object"),
+    ],
+)
+def test_a_query_in_a_world_that_is_not_there_is_refused(made, world, found):
+    grounds = learning.Grounds.of(made.folders)
+    for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.normal_at):
+        with pytest.raises(tf.DataError, match=f"^{found}: whole numbers from 0 to 1 are allowed$"):
+            ask(world, 0.0, 0.0)
+
+
+def test_a_height_field_is_laid_at_the_corner_or_in_the_worlds_frame(made):
+    import mujoco
+
+    world = tf.World.load(made.folders[0])
+    west, south, _, _ = world.ground.bounds
+    top = tf.rock_rasters(world)[0]
+    for own_frame, (x, y) in ((False, (0.0, 0.0)), (True, (west, south))):
+        spec = mujoco.MjSpec()
+        learning.add_to_spec(spec, world, own_frame=own_frame)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        place = np.array([x, y, 50.0]) + world.ground.spacing * np.array([30, 20, 0])
+        hit, down = np.zeros(1, np.int32), np.array([0.0, 0.0, -1.0])
+        distance = mujoco.mj_ray(model, data, place, down, None, 1, -1, hit)
+        assert 50.0 - distance == pytest.approx(top[20, 30], abs=1e-4)
+
+
+def test_queries_of_no_place_give_none(made):
+    grounds = learning.Grounds.of(made.folders)
+    for x, y in ((np.nan, 0.0), (np.array([0.5, np.nan]), np.array([np.nan, 0.5]))):
+        found = (
+            *(grounds.height_at(0, x, y), grounds.top_at(0, x, y), grounds.slope_at(0, x, y)),
+            *grounds.normal_at(0, x, y),
+        )
+        assert np.isnan(found).all()
+        assert np.all(grounds.rock_at(0, x, y) == -1)
+    assert grounds.top_at(0, np.zeros(2), np.zeros(2)).dtype == grounds.top.dtype
+    assert grounds.rock_at(0, np.inf, -np.inf) == grounds.rock[0, 0, -1]
+
+
+def test_queries_go_to_another_library_without_a_copy(made):
+    jax = pytest.importorskip("jax")
+    here = learning.Grounds.of(made.folders)
+    there = here.to(jax.dlpack.from_dlpack)
+    n, x, y = points(made)
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    found = jax.jit(there.height_at)(n, x, y)
+    assert isinstance(found, jax.Array)
+    assert np.asarray(found) == pytest.approx(here.height_at(n, x, y), abs=1e-4)
+    assert np.array_equal(np.asarray(there.rock_at(n, x, y)), here.rock_at(n, x, y))
+
+
+def test_generators_of_others_get_ground_and_origin():
+    import mujoco
+
+    maker = learning.GroundMaker(recipe=recipe())
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(name="terrain")
+    origin, (geom,) = maker.mjlab(0.5, spec, np.random.default_rng(1), size=(6.0, 5.0))
+    body = spec.body("terrain")
+    body.pos = (10.0, 20.0, 0.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    geomid = np.zeros(1, np.int32)
+    down = np.array([0.0, 0.0, -1.0])
+    eye = np.array([10.0, 20.0, 0.0]) + origin + (0.0, 0.0, 5.0)
+    depth = mujoco.mj_ray(model, data, eye, down, None, 1, -1, geomid)
+    assert model.geom(geomid[0]).name == geom.name
+    assert 5.0 <= depth < 5.5  # the origin stands above what is around it
+    np.random.seed(2)  # noqa: NPY002 (as Isaac Lab does)
+    meshes, place = maker.isaac_lab(0.5, SimpleNamespace(size=(6.0, 5.0)))
+    low, high = meshes[0].bounds
+    assert low[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert high[:2] == pytest.approx((6.0, 5.0))
+    assert place[:2] == pytest.approx((3.0, 2.5))
+    assert all(mesh.is_watertight for mesh in meshes[1:])
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, np.nan])
+def test_a_difficulty_is_a_part(difficulty):
+    maker = learning.GroundMaker(recipe=recipe())
+    with pytest.raises(ValueError, match=r"difficulty: \S+, allowed: 0 to 1"):
+        maker.mjlab(difficulty, None, np.random.default_rng(1))
