@@ -3,16 +3,16 @@ import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from terrain_forge.exporters.drake import Options, export
 
 from terrain_forge.model import rotations
-from tests.helpers import worlds
+from tests.helpers import exports, worlds
 from tests.helpers.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.helpers.places import PROGRAMS
 from tests.helpers.surfaces import random_points, resting_height, top_under
@@ -21,12 +21,7 @@ DRAKE = "{http://drake.mit.edu}"
 CONSUMER = PROGRAMS / "drake_world.py"
 
 
-def exported(world, directory, **options):
-    directory.mkdir()
-    report = export(world, directory, options=Options(**options))
-    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    assert list(report.files) == found
-    return directory
+exported = partial(exports.exported, "drake")
 
 
 def mixed(world):

@@ -1,3 +1,4 @@
+from functools import partial
 from importlib import import_module
 
 import numpy as np
@@ -11,18 +12,14 @@ from terrain_forge.geometry import lie_upright, skin
 from terrain_forge.model import rotations
 from terrain_forge.validation import read_objects, read_triangles
 from terrain_forge.writers import vertex_normals
+from tests.helpers import exports
 from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.helpers.surfaces import random_points, top_under
 
 TILES = {"merged": {}, "tiled": {"tiles": "tiled", "tile_cells": 48}}
 
 
-def exported(world, directory, **options):
-    directory.mkdir()
-    report = export(world, directory, options=Options(**options))
-    found = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
-    assert list(report.files) == found
-    return directory
+exported = partial(exports.exported, "mesh")
 
 
 def objects(path):
