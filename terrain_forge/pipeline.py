@@ -442,7 +442,8 @@ def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
         tiling.require_tiles(recipe, orders)
     site = making.plan(recipe, folder=folder)
     if site.recipe.tiles is not None:
-        tiling.order_tiles(site, Path(recipe.name), orders)
+        tiling.require_tiles(site.recipe, orders)
+        tiling.require_room(site)
     yield from building.site_lines(site, orders)
     if recipe.sensors is not None or recipe.dataset is not None:
         rover = rover_of(site)

@@ -16,6 +16,7 @@ from .manifest import exports_in as exports_in
 from .manifest import folder_state as folder_state
 from .manifest import foreign_files as foreign_files
 from .manifest import hash_found as hash_found
+from .manifest import lists_outputs as lists_outputs
 from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports

@@ -122,14 +122,13 @@ def _is_ours(manifest: Any) -> bool:
     """Whether it has the parts of a manifest that are asked for."""
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         return False
-    outputs, varying, exports = (manifest.get(k) for k in ("outputs", "varying", "exports"))
+    varying, exports = manifest.get("varying"), manifest.get("exports")
     return (
-        isinstance(outputs, dict)
-        and all(isinstance(value, str) for value in outputs.values())
+        lists_outputs(manifest)
         and isinstance(varying, list)
         and all(isinstance(name, str) for name in varying)
         and isinstance(exports, dict)
-        and all(map(_is_inside, (*outputs, *varying, *exports)))
+        and all(map(_is_inside, (*varying, *exports)))
         and all(
             isinstance(e, dict)
             and {*e} == {"kind", "options", "losses"}
@@ -139,6 +138,16 @@ def _is_ours(manifest: Any) -> bool:
             and all(isinstance(loss, str) for loss in e["losses"])
             for e in exports.values()
         )
+    )
+
+
+def lists_outputs(manifest: Manifest) -> bool:
+    """Whether a manifest names its files, none outside of its folder, each with a hash."""
+    outputs = manifest.get("outputs")
+    return (
+        isinstance(outputs, dict)
+        and all(isinstance(value, str) for value in outputs.values())
+        and all(map(_is_inside, outputs))
     )
 
 

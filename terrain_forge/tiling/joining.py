@@ -10,7 +10,7 @@ from typing import Any
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
-from terrain_forge.building import foreign_files
+from terrain_forge.building import foreign_files, lists_outputs
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import digest_of, world_of
@@ -188,4 +188,6 @@ def read_site(out: Path) -> dict[str, Any]:
         raise OutputError(f"{path} is damaged: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise OutputError(f"{path} is not one of this version of terrain-forge: move it away")
+    if not lists_outputs(manifest):
+        raise OutputError(f"{path} is damaged: it does not list the site's files")
     return manifest

@@ -30,7 +30,15 @@ from terrain_forge.base import (
     to_plain,
 )
 from terrain_forge.building import write_through
-from terrain_forge.model import Export, Site, TileGrid, plain_options, sensor_kinds
+from terrain_forge.model import (
+    Export,
+    RockLibrary,
+    Site,
+    TileGrid,
+    packages_gone,
+    plain_options,
+    sensor_kinds,
+)
 from terrain_forge.recipe import ExportOrder, Recipe, tile_cells
 from terrain_forge.rocks import bank_reach, find_library, rock_margin
 from terrain_forge.terrain import stencil_reach
@@ -145,7 +153,8 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
         RecipeError: as `require_tiles`, or for tiles smaller than what lies in them.
     """
     require_tiles(site.recipe, orders)
-    grid = TileGrid.of(site, _cells(site))
+    _require_room(site, find_library(site.recipe.rocks.library, custom=site.meshes))
+    grid = TileGrid.of(site, tile_cells(site.recipe))
     exports = tuple(
         Export(folder=order.folder, kind=order.kind, options=plain_options(order.options))
         for order in orders
@@ -153,11 +162,19 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
     return TileOrder(out=out, site=site, grid=grid, exports=exports)
 
 
-def _cells(site: Site) -> int:
-    """Cells of a tile each way."""
-    cells = tile_cells(site.recipe)
+def require_room(site: Site) -> None:
+    """Refuse tiles smaller than what lies in them, by as many shapes as are made in a moment.
+
+    Raises:
+        RecipeError: for tiles that are too small. A build, which has all shapes, may find one that
+            reaches still farther.
+    """
+    library = site.recipe.rocks.library
+    _require_room(site, find_library(library.sample(), custom=site.meshes))
+
+
+def _require_room(site: Site, library: RockLibrary) -> None:
     rocks, layers = site.recipe.rocks, site.recipe.terrain.layers
-    library = find_library(rocks.library, custom=site.meshes)
     margin = rock_margin(
         site=site, populations=rocks.populations, lists=rocks.lists, library=library
     )
@@ -167,13 +184,13 @@ def _cells(site: Site) -> int:
         "the reach of the ground's layers": stencil_reach(site, layers),
     }
     what, reach = max(reaches.items(), key=lambda item: item[1])
-    if cells * site.spacing < reach:
+    side = tile_cells(site.recipe) * site.spacing
+    if side < reach:
         raise RecipeError(
-            f"tiles of {cells * site.spacing:g} m are smaller than {what}, {reach:.3g} m: choose "
-            "larger ones, or smaller rocks",
+            f"tiles of {side:g} m are smaller than {what}, {reach:.3g} m: choose larger ones, or "
+            "smaller rocks",
             key=("tiles", "size_m"),
         )
-    return cells
 
 
 def save_order(order: TileOrder) -> None:
@@ -301,11 +318,14 @@ def _load(out: str, *state: int) -> TileOrder:
         with reading(FOLDER):
             plain, arrays = _read(folder / "site.json"), read_arrays(folder / "arrays.npz")
             site = from_plain(plain, arrays, Site)
+            _ = site.recipe  # read once, here
             return TileOrder(
                 out=Path(out),
                 site=site,
                 grid=TileGrid.of(site, int(told["cells"])),
                 exports=tuple(Export(**plain) for plain in told["exports"]),
             )
-    except DataError as error:
-        raise OutputError(f"{folder} is damaged: {error}") from None
+    except (DataError, RecipeError) as error:
+        gone = packages_gone(Path(out))
+        hint = f"; install {gone}, with which it was built" if gone else ""
+        raise OutputError(f"{folder} is damaged: {error}{hint}") from None

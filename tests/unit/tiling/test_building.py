@@ -8,8 +8,10 @@ import json
 import os
 import shutil
 import signal
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from pxr import Usd, UsdGeom
 import terrain_forge as tf
 from terrain_forge.base import OutputError, RecipeError, StorageError
 from terrain_forge.building.manifest import LOCK, MARK
+from terrain_forge.model import RockLibrary
+from terrain_forge.rocks import LibrarySpec, find_library
 from terrain_forge.tiling.order import PLANNED
 from terrain_forge.truth import rock_rasters
 from terrain_forge.truth.traversability import write_traversability
@@ -219,6 +223,20 @@ def test_what_cannot_be_is_told_before_anything_is_written(tmp_path, changes, me
     with pytest.raises(RecipeError, match=message):
         tf.build(recipe, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_check_makes_no_library_of_a_thousand_shapes(tmp_path, monkeypatch):
+    asked: list[int] = []
+
+    def noted(spec: LibrarySpec, **more: Any) -> RockLibrary:
+        asked.append(spec.shapes)
+        return find_library(replace(spec, shapes=1), **more)
+
+    recipe = tf.load_recipe(write_recipe(tmp_path, **{"shapes: 4": "shapes: 1000"})).recipe
+    assert recipe.rocks.library.shapes == 1000
+    monkeypatch.setattr("terrain_forge.tiling.order.find_library", noted)
+    list(tf.check(recipe))
+    assert asked == [64]
 
 
 def test_a_folder_of_others_is_left_alone(recipe, tmp_path):

@@ -64,6 +64,17 @@ def test_a_manifest_of_another_recipe_is_damaged(copied):
     assert told == ["manifest.json is damaged (seed, recipe)"]
 
 
+@pytest.mark.parametrize("outputs", [None, 3, ["a"], {"a": 1}, {"../a": "0"}, {"/a": "0"}])
+def test_a_manifest_without_its_list_of_files_is_damaged(copied, recipe, outputs):
+    path = copied / "manifest.json"
+    whole = path.read_bytes()
+    path.write_text(json.dumps({**json.loads(whole), "outputs": outputs}))
+    with pytest.raises(tf.OutputError, match="it does not list the site's files"):
+        pipeline.validate(copied)
+    tf.build(tf.load_recipe(recipe).recipe, copied, workers=0)
+    assert path.read_bytes() == whole
+
+
 def test_an_empty_row_is_a_tile_that_is_missing(copied):
     for column in range(3):
         shutil.rmtree(copied / f"tiles/001/{column:03}")
@@ -99,6 +110,14 @@ def test_a_description_of_other_types_is_named(copied, tmp_path):
     assert done.returncode == 2
     assert "damaged: " in done.complaints[-1]
     assert "Site.dtm: 'a'" in done.complaints[-1]
+
+
+@pytest.mark.parametrize("text", ["\x1b[31m", "3", "{}"])
+def test_a_description_whose_recipe_is_none_is_named(copied, text):
+    path = copied / "site/site.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "recipe_json": text}))
+    with pytest.raises(tf.OutputError, match="site is damaged: "):
+        pipeline.validate(copied)
 
 
 def test_a_tile_that_says_something_else_of_itself_is_named(copied, recipe):
