@@ -6,6 +6,7 @@ from .arrays import Key as Key
 from .arrays import Mask as Mask
 from .bounded import MAX_STATE as MAX_STATE
 from .bounded import read_arrays as read_arrays
+from .bounded import read_bytes as read_bytes
 from .bounded import read_json as read_json
 from .bounded import read_lines as read_lines
 from .bounded import read_text as read_text

@@ -67,6 +67,25 @@ def _meant(path: Path) -> str:
         return ""
 
 
+def read_bytes(
+    path: Path, name: str, *, most: float = math.inf, key: tuple[str | int, ...] = ()
+) -> bytes:
+    """What is in a file: as many bytes as it says, which are none of what only looks like a file.
+
+    Args:
+        path: The file.
+        name: What it is called in errors.
+        most: Bytes that it may have.
+        key: Where in the recipe it is named.
+
+    Raises:
+        DataError: if there is no such file, or it cannot be read.
+    """
+    require_file(path, name, key, most=most)
+    with reading(name, key=key), path.open("rb") as file:
+        return file.read(path.stat().st_size)
+
+
 def read_text(
     path: Path, name: str, *, most: int, lines: int = 2**32, key: tuple[str | int, ...] = ()
 ) -> str:
@@ -82,9 +101,7 @@ def read_text(
     Raises:
         DataError: if there is no such file or it is no such text; names the line.
     """
-    require_file(path, name, key, most=most)
-    with reading(name, key=key):
-        data = path.read_bytes()
+    data = read_bytes(path, name, most=most, key=key)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from terrain_forge.base import read_bytes
+
 ANIMATED = (".gif", ".webp")
 """File names of animated pictures end so."""
 LARGEST_ANIMATION = 5_000_000
@@ -127,18 +129,18 @@ def plot(path: Path, *, description: str, caption: str = "") -> Block:
 
     Who wants no motion sees the first picture of an animated one (GIF, WebP).
     """
-    content = path.read_bytes()
+    content = read_bytes(path, f"{path.parent.name}/{path.name}")
     if path.suffix not in ANIMATED:
         return drawing(content, description=description, caption=caption)
     if len(content) > LARGEST_ANIMATION:
         return paragraph(f"{description}: {path.parent.name}/{path.name}, beside this page.")
-    form, still = path.suffix[1:], read_picture(path)
+    form, still = path.suffix[1:], read_picture(content)
     return animation(content, form, still, description=description, caption=caption)
 
 
 def drawing(content: bytes, *, description: str, caption: str = "") -> Block:
     """A plot as PNG, whose panels stand below each other on a phone."""
-    parts = panels(read_picture(BytesIO(content)))
+    parts = panels(read_picture(content))
     images = [(source(_encoded(part, "PNG"), "image/png"), part.shape[1]) for part in parts]
     return _picture(images, description=description, caption=caption)
 
@@ -209,11 +211,11 @@ def _encoded(pixels: NDArray[np.uint8], form: str, **options: int) -> bytes:
     return buffer.getvalue()
 
 
-def read_picture(path: Path | BytesIO) -> NDArray[np.uint8]:
-    """The first picture of a file, sRGB, shape [height, width, 3]."""
+def read_picture(content: bytes) -> NDArray[np.uint8]:
+    """The first picture of a file's bytes, sRGB, shape [height, width, 3]."""
     from PIL import Image
 
-    with Image.open(path) as image:
+    with Image.open(BytesIO(content)) as image:
         return np.asarray(image.convert("RGB"))
 
 

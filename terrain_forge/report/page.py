@@ -18,7 +18,14 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.base import FOREIGN_FAILURES, failure_words, is_ours, parts, place_of
+from terrain_forge.base import (
+    FOREIGN_FAILURES,
+    failure_words,
+    is_ours,
+    parts,
+    place_of,
+    read_bytes,
+)
 from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
 from terrain_forge.report.glossary import explained, explained_in
@@ -78,7 +85,9 @@ def write_report_page(
     # The colour of the body's ground, dark enough to read on white.
     red, green, blue = (round(200 * part) for part in world.site.body.ground_rgb)
     preview = directory / "preview.png"
-    picture = photograph(read_picture(preview), _PREVIEW) if preview.is_file() else None
+    picture = None
+    if preview.is_file():
+        picture = photograph(read_picture(read_bytes(preview, preview.name)), _PREVIEW)
     text = render(
         "page.html",
         accent=f"#{red:02x}{green:02x}{blue:02x}",

@@ -36,7 +36,10 @@ def tell_systems(world: Path, results: Sequence[Result], *, out: Path | None) ->
             say(str(path))
         for path in evaluation.write_paper_table(recording, results, out):
             say(str(path))
-    return 0 if any(one.score for one in results) else FAILED_CHECK
+    if any(one.score for one in results):
+        return 0
+    say("terrain-forge: no run of any system could be scored", err=True)
+    return FAILED_CHECK
 
 
 def tell_maps(scores: Sequence[MapScore], *, out: Path | None) -> None:

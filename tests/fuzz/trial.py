@@ -208,8 +208,6 @@ def faults(
         found.append(f"stderr: {_shape(lines[0])}")
     elif ended.status == 1 and lines and all(line.startswith(_FAILED) for line in lines):
         pass
-    elif ended.status == 1 and not lines and " lost: " in ended.stdout:
-        pass  # an evaluation's table says of each run why it failed
     elif ended.status and (len(lines) != 1 or not lines[0].startswith(_BEGINNINGS)):
         found.append(f"lines: {len(lines)}: {_shape(lines[0] if lines else '')}")
     elif len(ended.stderr) > 3000:

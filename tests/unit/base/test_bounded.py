@@ -6,11 +6,20 @@ import io
 import json
 import struct
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from terrain_forge.base import MAX_STATE, DataError, OutputError, read_arrays, read_json, read_lines
+from terrain_forge.base import (
+    MAX_STATE,
+    DataError,
+    OutputError,
+    read_arrays,
+    read_bytes,
+    read_json,
+    read_lines,
+)
 from terrain_forge.model import World
 
 
@@ -126,3 +135,10 @@ def test_a_table_is_read_line_by_line(tmp_path):
         file.truncate(2**33)
     with pytest.raises(DataError, match=r"a\.csv: a line has more than 10,000 characters"):
         list(read_lines(path, "a.csv"))
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no such files here")
+def test_no_more_is_read_than_a_file_says_it_has(tmp_path):
+    (tmp_path / "a").write_bytes(b"four")
+    assert read_bytes(tmp_path / "a", "a") == b"four"
+    assert read_bytes(Path("/proc/self/status"), "status") == b""

@@ -5,10 +5,13 @@ import re
 from base64 import b64encode
 from hashlib import sha256
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import UnidentifiedImageError
 
+from terrain_forge.base import DataError
 from terrain_forge.model import Export
 from terrain_forge.report import write_report_page
 from terrain_forge.report.blocks import Block, panels, plot
@@ -339,6 +342,14 @@ def test_an_animated_picture_stands_still_for_who_wants_that(tmp_path, monkeypat
     page = Page(render("blocks.html", blocks=[plot(tmp_path / "drive.gif", description="A drive")]))
     assert page.sources == []
     assert page.text.endswith("drive.gif, beside this page.")
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="no such files here")
+@pytest.mark.parametrize("target", ["mem", "maps"])
+def test_a_plot_that_is_a_link_to_no_stored_file_is_told(tmp_path, target):
+    (tmp_path / "curves.png").symlink_to(f"/proc/self/{target}")
+    with pytest.raises((DataError, UnidentifiedImageError)):
+        plot(tmp_path / "curves.png", description="Curves")
 
 
 def test_slopes_of_a_plane_are_its_own():
