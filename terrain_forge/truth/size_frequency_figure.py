@@ -22,6 +22,8 @@ _TOGETHER = "#d9cfc3"
 _INK = "#4a433d"
 _LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9, "labelcolor": _INK}
 _BARE = 1e-4, 1.0
+_LEAST = 1e-99
+"""So few rocks per m², or so little of it covered, are none."""
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
 
 
@@ -112,7 +114,7 @@ def population_label(part: dict[str, Any]) -> str:
 
 
 def _finish(axes: Axes, title: str, label: str) -> None:
-    if not math.isfinite(axes.dataLim.minposy):
+    if not _LEAST < axes.dataLim.minposy < math.inf:
         axes.set_ylim(*_BARE)  # no rock is there nor expected: a logarithmic axis finds no limits
     log_axes(axes)
     axes.xaxis.set_major_locator(FixedLocator(_TICKS))
@@ -143,7 +145,7 @@ def _limit(axes: Axes, part: dict[str, Any], quantity: str, area: float) -> None
     expected = [number * area for number in curve["number_expected"]]
     last = max((n for n, count in enumerate(expected) if count >= 0.5), default=0)
     lowest, highest = curve[f"{quantity}_expected"][last], curve[f"{quantity}_expected"][0]
-    if lowest > 0:
+    if lowest > _LEAST:
         axes.set_ylim(0.6 * lowest, 1.8 * highest)
     possible = [
         d for d, high in zip(curve["diameter_m"], curve["number_high"], strict=True) if high
