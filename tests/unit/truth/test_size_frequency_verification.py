@@ -15,7 +15,6 @@ from terrain_forge.rocks import (
     Clustered,
     Counts,
     Expectation,
-    Exponential,
     Golombek,
     PopulationSpec,
     PowerLaw,
@@ -327,10 +326,6 @@ def test_populations_without_any_rock_are_said_to_have_none(tmp_path):
     write_size_frequency(world, tmp_path, rocks=rocks(none))  # any warning fails the test
     (found,) = json.loads((tmp_path / "size_frequency.json").read_text())["populations"]
     assert (found["count"]["expected"], found["count"]["observed"]) == (0.0, 0)
-    for number in (5e-324, 1e-310, 1e-100):
-        rare = Exponential(number_per_m2=number, decay_per_m=5.0)
-        spec = PopulationSpec(name="p0", size_frequency=rare, diameter_m=(0.1, 0.5))
-        write_size_frequency(world, tmp_path, rocks=rocks(spec))
     write_size_frequency(world, tmp_path, rocks=rocks())
     assert json.loads((tmp_path / "size_frequency.json").read_text())["together"] is None
 
