@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from terrain_forge.base import python_words
 from terrain_forge.model import Opening
 from terrain_forge.validation import (
     SETTLING,
@@ -48,7 +49,7 @@ def read_drake(sample: Sample, folder: Path, options: Any, scratch: Path) -> Rea
             "radius": sample.balls.radius,
             "seconds": SETTLING,
         }
-        command: list[str | Path] = [python, "-c", read_probe(__file__, "probe.py")]
+        command = python_words(read_probe(__file__, "probe.py"), python)
         text = run(command, text=json.dumps(order), log=scratch / "drake.log")
         reading = read_answer(sample, text, binary)
     reasons = {"gravity": "Drake takes none from files", "path": "Drake has no actors"}

@@ -45,6 +45,7 @@ from .given import given_numbers as given_numbers
 from .given import require_measurement as require_measurement
 from .heap import heap_pop as heap_pop
 from .heap import heap_push as heap_push
+from .interpreter import python_words as python_words
 from .kernels import inlined as inlined
 from .kernels import inner as inner
 from .kernels import kernel as kernel

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterable
 from concurrent.futures import wait
 from contextlib import suppress
 from logging import getLogger
@@ -19,6 +18,7 @@ from typing import Any
 
 from numba import config, get_num_threads
 
+from terrain_forge.base.interpreter import python_words
 from terrain_forge.base.listed import is_kept, kernel, listed, numba_types, signatures
 from terrain_forge.base.progress import Progress, silent
 from terrain_forge.base.shipped import unpack
@@ -83,7 +83,7 @@ def _serve(
         "stdout": subprocess.PIPE,
         "stderr": subprocess.DEVNULL,
     }
-    command = [sys.executable, "-m", __name__]
+    command = python_words(f"from {__name__} import main; main()")
     with suppress(Empty, OSError), subprocess.Popen(command, text=True, **pipes) as child:
         assert child.stdin is not None
         assert child.stdout is not None
@@ -101,13 +101,9 @@ def _serve(
                 done.put(name)
 
 
-def main(names: Iterable[str]) -> None:
-    """Compile kernels, and answer after each."""
-    for name in map(str.strip, names):
+def main() -> None:
+    """Compile the kernels that the input names, and answer after each."""
+    for name in map(str.strip, sys.stdin):
         kernel(name).compile(numba_types(signatures()[name]))
         sys.stdout.write(f"{name}\n")
         sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main(sys.stdin)

@@ -26,10 +26,12 @@ import llvmlite
 import numba
 from llvmlite import binding
 
+from terrain_forge.base.interpreter import python_words
 from terrain_forge.base.listed import kernel, numba_types, place, signatures
 
 settings: Any = numba.config
 HERE = Path(__file__).parent
+_HOME = "terrain_forge.base.shipped"
 TARGET = "x86-64-v3"
 _NEEDED = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
 _HOLDS_FOR = "holds_for.json"
@@ -58,12 +60,12 @@ def write() -> Path:
         return _archive()
     with tempfile.TemporaryDirectory() as folder:
         own = {"NUMBA_CACHE_DIR": folder, "NUMBA_CPU_NAME": TARGET, "NUMBA_CPU_FEATURES": ""}
-        command = [sys.executable, "-m", "terrain_forge.base.shipped", "compile"]
+        command = python_words(f"from {_HOME} import compile_all; compile_all()")
         subprocess.run(command, env=os.environ | own, check=True)
         return _archive()
 
 
-def _compile() -> None:
+def compile_all() -> None:
     """Compile into the cache that the environment names, and write from there."""
     for name, signature in signatures().items():
         kernel(name).compile(numba_types(signature))
@@ -126,7 +128,4 @@ def _conditions() -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["compile"]:
-        _compile()
-    else:
-        print(write())  # noqa: T201
+    print(write())  # noqa: T201

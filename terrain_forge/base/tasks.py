@@ -10,7 +10,6 @@ import asyncio
 import logging
 import os
 import pickle
-import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator
@@ -24,6 +23,7 @@ from subprocess import PIPE, Popen
 from typing import Any, TypeVar
 
 from terrain_forge.base.errors import OutputError, PluginError, TerrainForgeError
+from terrain_forge.base.interpreter import python_words
 from terrain_forge.base.registry import FOREIGN_FAILURES, failure_words, plugin_at_fault
 from terrain_forge.base.threads import ask_for_interrupt, processors, worker_threads
 
@@ -105,7 +105,7 @@ def _failure(error: BaseException) -> Exception:
 def _in_processes(
     function: Callable[[T], R], items: Iterable[T], workers: int, tries: int
 ) -> Iterator[tuple[T, R | Exception]]:
-    start = pickle.dumps((sys.path, pickle.dumps(function), tries))
+    start = pickle.dumps((pickle.dumps(function), tries))
     waiting, done, lock = iter(items), SimpleQueue[Any](), threading.Lock()
     stopped = threading.Event()
     children: list[_Child] = []
@@ -173,7 +173,7 @@ class _Child:
             return OSError(f"its process ended: {why}"), True
 
     def _begun(self) -> Popen[bytes]:
-        command = [sys.executable, "-c", _SERVE]
+        command = python_words(_SERVE)
         given: dict[str, Any] = {"stdin": PIPE, "stdout": PIPE, "env": self._environment}
         # An interrupt from the keyboard is for us alone, we end the others.
         self._process = process = Popen(command, start_new_session=True, **given)
@@ -210,8 +210,7 @@ def serve_tasks() -> None:
     with Path(os.devnull).open("rb") as nothing:
         os.dup2(nothing.fileno(), 0)  # what others read, or close as `exit` does, is not the pipe
     os.dup2(2, 1)  # nor is what they print for it
-    path, function, tries = pickle.load(given)
-    sys.path[:] = path
+    function, tries = pickle.load(given)
     items: SimpleQueue[Any] = SimpleQueue()
 
     def read() -> None:
@@ -321,6 +320,7 @@ def _connected(scheduler: str, workers: int | None) -> Any:
         ) from None
     if scheduler == LOCAL:
         logging.getLogger("distributed").setLevel(logging.WARNING)  # how it comes and goes
+        os.environ.setdefault("PYTHONSAFEPATH", "1")  # for all that Dask starts, now and later
         return distributed.Client(
             n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
         )

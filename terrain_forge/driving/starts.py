@@ -7,19 +7,23 @@ the same for any number of processes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Record, SimulationError, processors, stage_key, uniforms
+from terrain_forge.base import (
+    Array,
+    Record,
+    SimulationError,
+    processors,
+    run_tasks,
+    stage_key,
+    uniforms,
+)
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.driving.simulation import drive, load_scene
 from terrain_forge.model import Rover, Trajectory, World
@@ -94,14 +98,19 @@ def drive_from_many_starts(
     lines = [line_from_start(world, spec, number) for number in range(spec.count)]
     processes = min(processes or processors(), MOST_PROCESSES, spec.count)
     task = partial(_drive_line, rover=world.rover, path=scene)
-    done = list[StartResult]()
-    with workers(processes) as runner:
-        for result in runner.map(task, lines):
-            done.append(result)
-            if progress:
-                progress(len(done) / len(lines))
+    done = dict[str, StartResult]()
+    workers = processes if processes > 1 else 0
+    for line, result in run_tasks(task, lines, workers=workers):
+        if isinstance(result, OSError):
+            raise SimulationError(f"a process of the drives was lost: {result}")
+        if isinstance(result, Exception):
+            raise result
+        done[line.name] = result
+        if progress:
+            progress(len(done) / len(lines))
     _scenes.clear()
-    return StartsResult(length=spec.length_m, starts=tuple(done))
+    starts = tuple(done[line.name] for line in lines)
+    return StartsResult(length=spec.length_m, starts=starts)
 
 
 def line_from_start(world: World, spec: StartsSpec, number: int) -> Trajectory:
@@ -176,25 +185,3 @@ def _drive_line(line: Trajectory, *, rover: Rover, path: Path) -> StartResult:
     return StartResult(
         start=(east, north), heading=float(line.rpy[0, 2]), drive=result, reason=reason
     )
-
-
-@contextmanager
-def workers(processes: int) -> Iterator[Any]:
-    """Processes side by side, or this one alone where one is enough; they end with the block."""
-    from multiprocessing import active_children, get_context
-
-    if processes == 1:
-        yield SimpleNamespace(map=map)
-        return
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        try:
-            yield pool
-        except BrokenProcessPool:
-            raise SimulationError(
-                "a process of the drives was killed, perhaps for want of memory"
-            ) from None
-        except BaseException:
-            # The pool would wait for the drives that have begun.
-            for child in active_children():
-                child.terminate()
-            raise

@@ -201,7 +201,7 @@ def install_system(adapter: Adapter) -> Path:
     first, *rest = adapter.packages
     orders = [["--no-deps", first], rest] if adapter.loose else [list(adapter.packages)]
     for order in filter(None, orders):
-        command = [str(_python(folder)), "-m", "pip", "install", "-q", *order]
+        command = [str(_python(folder)), "-P", "-m", "pip", "install", "-q", *order]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             shutil.rmtree(folder, ignore_errors=True)

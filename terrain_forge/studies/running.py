@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
@@ -21,6 +20,7 @@ from terrain_forge.base import (
     StorageError,
     TerrainForgeError,
     ask_for_interrupt,
+    python_words,
     read_json,
     silent,
     size_text,
@@ -43,6 +43,7 @@ _TICK = 0.1
 """How often cells are looked at [s]."""
 SPARE = 2**28
 """Bytes of the disk that are left free."""
+_CELL = "from terrain_forge.studies.worker import main; main(sys.argv[1])"
 _EVALUATED = 2.0
 """A recording and what its systems are given, in recordings."""
 
@@ -258,7 +259,7 @@ def _start(cell: Cell, out: Path, workers: int) -> Program:
     (folder / RESULT).unlink(missing_ok=True)  # of a failure
     job = {**cell.job, "workers": workers, "digest": cell.digest}
     write_whole(folder / JOB, json.dumps(job, indent=1) + "\n")
-    words = [sys.executable, "-m", "terrain_forge.studies.worker", str(folder.absolute())]
+    words = [*python_words(_CELL), str(folder.absolute())]
     return Program(words, folder=folder, log=folder / LOG, environment={"MPLBACKEND": "Agg"})
 
 

@@ -1,13 +1,12 @@
-"""One cell of a study in a process of its own: `python -m terrain_forge.studies.worker FOLDER`.
+"""One cell of a study in a process of its own.
 
-FOLDER holds job.json; what comes of it is written as result.json, and none where this is killed.
+Its folder holds job.json; what comes of it is written as result.json, and none where it is killed.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -102,14 +101,10 @@ def _keep(source: Path, target: Path) -> None:
     shutil.copytree(source, target, ignore=shutil.ignore_patterns("inputs"))
 
 
-def main(folder: Path) -> int:
+def main(place: str) -> None:
     """Carry out the job of a folder."""
+    folder = Path(place)
     job = json.loads((folder / JOB).read_text(encoding="utf-8"))
     result = carry_out(job, folder)
     whole = {"digest": job["digest"], **result}
     write_whole(folder / RESULT, json.dumps(whole, indent=1) + "\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))

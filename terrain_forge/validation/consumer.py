@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import SimulationError
+from terrain_forge.base import SimulationError, python_words
 from terrain_forge.validation.reading import Reading
 from terrain_forge.validation.sample import Sample
 
@@ -76,7 +76,7 @@ def run(command: Sequence[str | Path], *, text: str = "", log: Path | None = Non
 
 
 def read_probe(beside: str, name: str) -> str:
-    """The text of a program that lies beside a file, for `python -c`.
+    """The text of a program that lies beside a file, for `python_words`.
 
     Run as a file it would find what lies beside it before the packages that it imports.
     """
@@ -96,7 +96,7 @@ def python_with(module: str, variable: str) -> Path:
         return Path(sys.executable)
     code = f"import importlib.util as u, sys; sys.exit(not u.find_spec({module!r}))"
     try:
-        found = subprocess.run([chosen, "-c", code], capture_output=True, check=False)
+        found = subprocess.run(python_words(code, chosen), capture_output=True, check=False)
     except OSError:
         raise NotRun(f"{variable}={chosen} is no Python") from None
     if found.returncode:

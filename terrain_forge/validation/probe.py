@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, python_words
 from terrain_forge.validation.consumer import Consumer, python_with, read_probe, run
 from terrain_forge.validation.outlines import ground_and_rocks
 from terrain_forge.validation.reading import Body, Reading, Track, rock_of
@@ -134,7 +134,7 @@ def newton(file: str, *, rock_error: float = 0.0, gravity_kept: bool = True) -> 
                 "radius": sample.balls.radius,
                 "seconds": SETTLING,
             }
-            command: list[str | Path] = [python, "-c", read_probe(__file__, "newton_probe.py")]
+            command = python_words(read_probe(__file__, "newton_probe.py"), python)
             run(command, text=json.dumps(order), log=scratch / f"newton-{world.suffix[1:]}.log")
             reading = read_answer(sample, answer.read_text(encoding="utf-8"), binary)
         return replace(

@@ -2,9 +2,6 @@
 
 import csv
 import json
-import os
-import time
-from multiprocessing import active_children
 
 import numpy as np
 import pytest
@@ -13,7 +10,7 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError
 from terrain_forge.driving.film import link_poses, photograph, write_end, write_film
-from terrain_forge.driving.starts import drive_from_many_starts, line_from_start, workers
+from terrain_forge.driving.starts import drive_from_many_starts, line_from_start
 from terrain_forge.recipe import StartsSpec, ValidateSpec
 from terrain_forge.validation import validate
 from terrain_forge.validation.checks.drives import belly_points, measure_clearance
@@ -64,25 +61,11 @@ def test_they_go_the_same_in_one_process_and_in_two(land, tmp_path):
     assert alone.share == sum(start.arrived for start in alone.starts) / 3
 
 
-def test_a_killed_process_is_told():
-    with (
-        pytest.raises(SimulationError, match="process of the drives was killed"),
-        workers(2) as two,
-    ):
-        list(two.map(os._exit, [1, 1]))
-
-
-def test_an_interrupt_ends_the_drives_that_have_begun():
-    def interrupted():
-        with workers(2) as two:
-            sleeping = two.submit(time.sleep, 600.0)
-            while not sleeping.running():
-                time.sleep(0.05)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert active_children() == []
+def test_a_killed_process_is_told(land, tmp_path, monkeypatch):
+    killed = [(None, OSError("its process ended: signal 9"))]
+    monkeypatch.setattr("terrain_forge.driving.starts.run_tasks", lambda *_, **__: killed)
+    with pytest.raises(SimulationError, match=r"drives was lost: .* signal 9"):
+        drive_from_many_starts(land, tmp_path / "scene.xml", SPEC, processes=2)
 
 
 def test_an_interrupted_validation_leaves_the_one_before(tmp_path, monkeypatch):
