@@ -29,12 +29,16 @@ from terrain_forge.model import Body
 
 DRIVERS = (
     *("GTiff", "ENVI", "ISIS3", "ISIS2", "PDS4", "PDS", "VICAR", "JP2OpenJPEG", "PNG", "JPEG"),
-    *("AAIGrid", "GRASSASCIIGrid", "EHdr", "HFA", "netCDF", "HDF5", "GSBG", "GSAG", "GS7BG"),
+    *("AAIGrid", "GRASSASCIIGrid", "EHdr", "HFA", "netCDF", "GSBG", "GSAG", "GS7BG"),
     *("USGSDEM", "SRTMHGT", "DTED", "BT", "RRASTER", "SAGA", "XYZ", "BMP", "GIF", "WEBP", "TGA"),
 )
 """GDAL's drivers that are used: those of formats whose data lie in the file or beside it.
 
-Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network."""
+Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the network; so can HDF5, and
+netCDF of version 4, which is HDF5 too."""
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_CLASSIC = b"CDF"
+"""What netCDF begins with that is not HDF5."""
 _BESIDE = ".ovr", ".msk"
 """Endings of files beside a raster that GDAL opens with whatever driver takes them."""
 _TIFF = b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"
@@ -277,7 +281,7 @@ def open_dataset(path: Path) -> Any:
 
     Raises:
         RasterioError: if it is no raster of `DRIVERS`.
-        DataError: if it names a file elsewhere.
+        DataError: if it names a file elsewhere, or is HDF5, which may.
     """
     import rasterio
 
@@ -285,11 +289,28 @@ def open_dataset(path: Path) -> Any:
     with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), units_at_hand():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.
-        dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=list(DRIVERS))
+        dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=_drivers_of(path))
         if complaint := _complaint(dataset, path):
             dataset.close()
             raise DataError(complaint)
     return dataset
+
+
+def _drivers_of(path: Path) -> list[str]:
+    """The drivers that may open a file.
+
+    Raises:
+        DataError: if it is HDF5.
+    """
+    with path.open("rb") as file:
+        begin = file.read(len(_HDF5))
+    if begin == _HDF5:
+        raise DataError(
+            f"{path.name} is HDF5 (or netCDF-4), which can name any other file as its data: make a "
+            "GeoTIFF or classic netCDF of it, as by gdal_translate"
+        )
+    classic = begin.startswith(_CLASSIC)
+    return [name for name in DRIVERS if classic or name != "netCDF"]
 
 
 def _complaint(dataset: Any, path: Path) -> str:

@@ -8,6 +8,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 import numpy as np
 import pytest
 import rasterio
+import scipy.io
 from PIL import Image
 
 from terrain_forge.base import DataError
@@ -195,3 +196,18 @@ def test_a_linked_raster_is_read(tmp_path):
     Image.new("L", (2, 2), 255).save(tmp_path / "real" / "a.png")
     (tmp_path / "b.png").symlink_to(tmp_path / "real" / "a.png")
     assert np.array_equal(read_image("b.png", tmp_path, ("x",)), np.ones((2, 2)))
+
+
+def test_what_names_files_by_links_of_its_own_is_not_opened(tmp_path):
+    (tmp_path / "dem.tif").write_bytes(b"\x89HDF\r\n\x1a\n" + b"\0" * 600)
+    with pytest.raises(DataError, match=r"dem.tif is HDF5 \(or netCDF-4\), which can name any"):
+        read_image("dem.tif", tmp_path, ("terrain",))
+
+
+def test_classic_netcdf_is_read(tmp_path):
+    with scipy.io.netcdf_file(tmp_path / "dem.nc", "w") as file:
+        for name in ("y", "x"):
+            file.createDimension(name, 8)
+            file.createVariable(name, "f8", (name,))[:] = np.arange(8.0)
+        file.createVariable("z", "f4", ("y", "x"))[:] = 7.0
+    assert (read_image("dem.nc", tmp_path, ("terrain",)) == 7.0).all()
