@@ -11,6 +11,7 @@ from .bounded import read_json as read_json
 from .bounded import read_lines as read_lines
 from .bounded import read_text as read_text
 from .bounded import require_file as require_file
+from .bounded import require_gltf as require_gltf
 from .bounded import size_text as size_text
 from .cache import cache_folder as cache_folder
 from .compiling import compile_ahead as compile_ahead
@@ -28,6 +29,7 @@ from .errors import reading as reading
 from .explaining import Complaint as Complaint
 from .explaining import complaint as complaint
 from .explaining import dotted as dotted
+from .figures import own_style as own_style
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows
 from .frames import linear_from_srgb as linear_from_srgb
@@ -51,6 +53,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import lies_within as lies_within
 from .links import resolved as resolved
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces
@@ -120,3 +123,6 @@ from .threads import processors as processors
 from .threads import telling_interrupts as telling_interrupts
 from .threads import worker_threads as worker_threads
 from .whole import write_whole as write_whole
+from .yaml_nodes import MAX_DEPTH as MAX_DEPTH
+from .yaml_nodes import MAX_NODES as MAX_NODES
+from .yaml_nodes import yaml_reader as yaml_reader

@@ -24,6 +24,7 @@ MAX_STATE = 2**28
 """Bytes of a file in which we keep what was done so far."""
 _MOST_TABLE = 2**34
 _LONGEST_LINE = 10_000
+_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
 
@@ -53,7 +54,7 @@ def require_file(
             raise DataError(f"no such file: {name}{_meant(path)}", key=key)
         if (size := path.stat().st_size) > most:
             raise DataError(
-                f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,.0f} MiB", key=key
+                f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,g} MiB", key=key
             )
 
 
@@ -176,3 +177,37 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
             raise ValueError("it claims more bytes than it has")
     with np.load(path, allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
+
+
+def require_gltf(content: bytes, *, most: int) -> None:
+    """Refuse a glTF or GLB that states or repeats more numbers than its size would let one expect.
+
+    A few words are enough for arrays of any length, and for a mesh that is shown without end.
+
+    Args:
+        content: What stands in the file.
+        most: Numbers of its arrays in all, once more for each mesh and node that has them.
+
+    Raises:
+        ValueError: if there are more, or nodes within themselves.
+    """
+    binary = content[:4] == b"glTF"
+    text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if binary else content
+    told = json.loads(text)
+    nodes = told.get("nodes", ())
+    sizes = [abs(one["count"]) * _COMPONENTS[one["type"]] for one in told.get("accessors", ())]
+    meshes = [
+        sum(sizes[number] for part in mesh["primitives"] for number in _arrays_of(part))
+        for mesh in told.get("meshes", ())
+    ]
+    shown = sum(meshes[node["mesh"]] for node in nodes if "mesh" in node)
+    if not sum(sizes) + sum(meshes) + shown <= most:  # which no NaN is either
+        raise ValueError("it has too many numbers")
+    if sum(len(node.get("children", ())) for node in nodes) >= max(len(nodes), 1):
+        raise ValueError("it has nodes within themselves")
+
+
+def _arrays_of(primitive: dict[str, Any]) -> list[int]:
+    """Numbers of the arrays that a part of a glTF's mesh is made of."""
+    indices = [primitive["indices"]] if "indices" in primitive else []
+    return [*primitive["attributes"].values(), *indices]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterable
 from pathlib import Path
 
 from terrain_forge.base.errors import OutputError
@@ -22,3 +23,13 @@ def resolved(path: Path | str) -> Path:
         if error.errno == errno.ELOOP:
             raise OutputError(f"{path}: its symbolic links lead in a circle") from None
     return path.resolve()
+
+
+def lies_within(path: Path, folders: Iterable[Path]) -> bool:
+    """Whether a path lies in one of some folders, all links in it followed.
+
+    Raises:
+        OSError, RuntimeError, ValueError: for what is no path.
+    """
+    whole = path.resolve()
+    return any(whole.is_relative_to(folder) for folder in folders)

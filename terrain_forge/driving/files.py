@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import Array, own_style, portable
 from terrain_forge.driving.result import DriveResult
 from terrain_forge.driving.starts import StartsResult
 from terrain_forge.model import World
@@ -55,6 +55,7 @@ def write_tables(result: DriveResult, folder: Path) -> list[Path]:
     return [table, wheels, tum]
 
 
+@own_style()
 def write_figure(world: World, result: DriveResult, path: Path) -> Path:
     """Draw a map with path and track, and what happened over time."""
     figure = Figure(figsize=(12, 7.2), dpi=110, facecolor="white")
@@ -132,6 +133,7 @@ def write_starts_table(result: StartsResult, path: Path) -> Path:
     return path
 
 
+@own_style()
 def write_starts_figure(world: World, result: StartsResult, path: Path) -> Path:
     """Draw a map of all drives: those that arrived, those that did not, and where they ended."""
     figure = Figure(figsize=(7.5, 7.5), dpi=120, facecolor="white", layout="constrained")

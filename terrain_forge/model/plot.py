@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, own_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,6 +72,7 @@ def plot_area(axes: Axes, size: tuple[float, float], paths: Mapping[str, Array])
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]))
 
 
+@own_style()
 def write_plot(world: World, path: Path, *, note: str, software: str) -> None:
     """Write `plot_world` as PNG, with a note under its title and what the file says made it."""
     west, south, east, north = world.ground.bounds
@@ -82,6 +83,7 @@ def write_plot(world: World, path: Path, *, note: str, software: str) -> None:
     figure.savefig(path, metadata={"Software": software}, pil_kwargs=quickly)
 
 
+@own_style()
 def html(summary: str, size: tuple[float, float], draw: Callable[[Axes], Any]) -> str:
     """A line and a picture of an area of a size [m], for notebooks."""
     figure, axes = _figure(size, width=5.0)

@@ -18,6 +18,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from terrain_forge.base import (
+    MAX_DEPTH,
     DataError,
     Key,
     OutputError,
@@ -26,15 +27,14 @@ from terrain_forge.base import (
     complaint,
     dotted,
     read_text,
+    yaml_reader,
 )
 from terrain_forge.recipe.idle import idle_keys, remove_idle, warn_idle
 from terrain_forge.recipe.renames import current_key, numbered, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter
 
-MAX_RECIPE = 2**20
+MAX_RECIPE = 2**18
 """Bytes of a recipe."""
-MAX_DEPTH = 50
-"""Mappings and lists within each other in a recipe."""
 _OCTAL = re.compile(r"[-+]?0[\d_]")
 MAX_DIGITS = 400
 """Digits of a whole number in a recipe."""
@@ -198,7 +198,7 @@ def read_mapping(path: Path, *, what: str = "a recipe") -> tuple[dict[str, Any],
         raise RecipeError(str(error)) from None
     lines: Lines = {}
     try:
-        yaml = _reader()
+        yaml = yaml_reader(_Constructor)
         node = yaml.compose(text)
         _collect(path, node, (), lines, set())
         data = node and yaml.constructor.construct_document(node)
@@ -260,13 +260,6 @@ class _Constructor(SafeConstructor):
 _Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
 
 
-def _reader() -> YAML:
-    yaml = YAML(typ="safe", pure=True)
-    yaml.Constructor = _Constructor
-    yaml.max_depth = MAX_DEPTH + 1  # the recipe itself is one
-    return yaml
-
-
 def _apply(data: Any, change: str) -> Key:
     """Put one `key=value` of the command line into the data; returns the key."""
     name, equals, text = change.partition("=")
@@ -298,7 +291,7 @@ def _apply(data: Any, change: str) -> Key:
 def _value(change: str, text: str) -> Any:
     """The value of one `key=value` of the command line."""
     try:
-        return _reader().load(text)
+        return yaml_reader(_Constructor).load(text)
     except MaxDepthExceededError:
         why = _TOO_DEEP
     except MarkedYAMLError as error:

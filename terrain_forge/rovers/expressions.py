@@ -296,8 +296,10 @@ class _Evaluation:
         match node:
             case ast.Constant(value=bool() | int() | float() | str() | None as value):
                 return _bounded(value)
-            case ast.Name() | ast.Attribute():
+            case ast.Name() | ast.Attribute() if _is_dotted(node):
                 return self._look_up(_dotted(node))
+            case ast.Attribute(value=whole, attr=name):
+                return _part(self.value(whole), name, name)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 return _bounded(_OPERATORS[type(op)](self.value(left), self.value(right)))
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
@@ -346,9 +348,7 @@ class _Evaluation:
                 raise ValueError(f"{dotted!r} {_REFUSED}") from None
             raise ValueError(f"unknown name {first!r}") from None
         for name in rest:
-            if not isinstance(found, Scope) or name.startswith("_"):
-                raise ValueError(f"{dotted[:80]!r} {_REFUSED}")
-            found = found[name]
+            found = _part(found, name, dotted)
         return found
 
     def _call(self, name: str, given: list[ast.expr], named: list[ast.keyword]) -> Value:
@@ -358,6 +358,19 @@ class _Evaluation:
             raise ValueError(f"{name[:80]!r} {_REFUSED}")
         values = [self.value(part) for part in given]
         return _bounded(function(*values, **{key: self.value(v) for key, v in told.items()}))
+
+
+def _part(whole: Value, name: str, told: str) -> Value:
+    """What a namespace or a dict has by a name, as xacro lets one say of YAML."""
+    if not isinstance(whole, (Scope, dict)) or name.startswith("_"):
+        raise ValueError(f"{told[:80]!r} {_REFUSED}")
+    return whole[name]
+
+
+def _is_dotted(node: ast.expr) -> bool:
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return isinstance(node, ast.Name)
 
 
 def _dotted(node: ast.expr) -> str:

@@ -146,7 +146,7 @@ class _Expansion:
             raise FileError(f"{frame.file.name}: {error}") from None
         if len(holder) != 1:
             raise FileError(f"{file.name} expands to nothing")
-        return holder[0], tuple(self._files)
+        return holder[0], (*self._files, *self._texts.files)
 
     def _parse(self, file: Path, name: str) -> Element:
         if file not in self._parsed:

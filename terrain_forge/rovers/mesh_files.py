@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, TerrainForgeError, portable
+from terrain_forge.base import Array, TerrainForgeError, portable, require_gltf
 from terrain_forge.model import Mesh
 from terrain_forge.rovers import bounds
 from terrain_forge.rovers.assembly import Solid, bare_shape, placed
@@ -219,18 +219,8 @@ def _check_collada(data: bytes) -> None:
         raise ValueError("its nodes repeat each other too often")
 
 
-def _check_gltf(data: bytes) -> None:
-    """Refuse a glTF that asks for more than it holds."""
-    binary = data[:4] == b"glTF"
-    told = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")] if binary else data)
-    numbers = sum(accessor["count"] for accessor in told.get("accessors", ()))
-    children = sum(len(node.get("children", ())) for node in told.get("nodes", ()))
-    if numbers > _MOST_NUMBERS or children >= max(len(told.get("nodes", ())), 1):
-        raise ValueError("it has too many numbers, or nodes within themselves")
-
-
 _READ_AS = ("stl", "obj", "dae", "ply", "off", "glb", "gltf")
-_MOST_NUMBERS = 50_000_000
+_check_gltf = partial(require_gltf, most=200_000_000)
 _CHECKS: dict[str, Callable[[bytes], None]] = {
     "dae": _check_collada, "glb": _check_gltf, "gltf": _check_gltf
 }  # fmt: skip

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from terrain_forge.base import lies_within
 from terrain_forge.rovers.bounds import FileError
 
 _BESIDE = ("assets", "materials", "mesh", "meshes", "robots", "textures", "urdf", "xacro")
@@ -107,10 +108,10 @@ class Packages:
             DataError: if it does.
         """
         try:
-            whole = path.resolve()
+            inside = lies_within(path, self._roots)
         except (OSError, RuntimeError, ValueError) as error:
             raise FileError(f"{name[:200]!r} is no path: {error}") from None
-        if not any(whole.is_relative_to(root) for root in self._roots):
+        if not inside:
             raise FileError(
                 f"{name[:200]!r} lies outside of {self._roots[0].name!r}, the folder of "
                 f"{self._file.name}: name its own folder under packages",

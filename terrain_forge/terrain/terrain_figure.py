@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
+from terrain_forge.base import own_style
 from terrain_forge.terrain.statistics import TerrainStatistics
 from terrain_forge.writers import log_axes
 
 _GROUND, _DTM, _INK, _LINE = "#b4552d", "#2f6f8f", "#4a433d", "#d9cfc3"
 
 
+@own_style()
 def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     """Draw structure function, spectrum and slopes; equal statistics, equal bytes."""
     figure = Figure(figsize=(13, 4.4), dpi=110, layout=None, facecolor="white")

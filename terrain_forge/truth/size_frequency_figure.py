@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from terrain_forge.base import own_style
 from terrain_forge.writers import figure_text, log_axes
 
 _COLOURS = (
@@ -27,6 +28,7 @@ _LEAST = 1e-99
 _TICKS = [m * 10.0**e for e in range(-3, 3) for m in (1, 2, 5)]
 
 
+@own_style()
 def write_figure(verification: dict[str, Any], path: Path) -> None:
     """Draw cumulative number and cover over diameter; equal verification, equal bytes."""
     figure = Figure(figsize=(11, 4.8), dpi=120, layout=None, facecolor="white")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from terrain_forge.base import specs
+from terrain_forge.base import MAX_DEPTH, MAX_NODES, specs
 from terrain_forge.building import manifest
 from terrain_forge.dtm import download, image, raster, window
 from terrain_forge.illumination import period, survey
@@ -21,8 +21,9 @@ PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
 MIB = 2**20
 
 ROWS = {
-    "a recipe": f"{file.MAX_RECIPE // MIB} MiB of UTF-8; {file.MAX_DEPTH} mappings and lists within"
-    f" each other; whole numbers of {file.MAX_DIGITS} digits; no tags, anchors or merges",
+    "a recipe": f"{file.MAX_RECIPE // 1024} KiB of UTF-8; {MAX_NODES:,} keys and values; "
+    f"{MAX_DEPTH} mappings and lists within each other; whole numbers of {file.MAX_DIGITS} "
+    "digits; no tags, anchors or merges",
     "a number that must be above 0": f"{specs.LEAST:g} to {specs.MOST:g}",
     "a coordinate": f"±{specs.FARTHEST:g} m",
     "a name": f"{specs.MAX_NAME} characters, {specs.MAX_NAME_BYTES} bytes of UTF-8; no separator, "
@@ -36,7 +37,8 @@ ROWS = {
     "many lines",
     "sizes that a recipe counts": f"{counts.MAX_COUNTED:,}",
     "a path's file": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {recorded.MAX_POSES:,} poses",
-    "a rock's mesh": f"{specs.MAX_MESH // MIB} MiB; {custom_mesh.MOST_FACES:,} faces",
+    "a rock's mesh": f"{specs.MAX_MESH // MIB} MiB; {custom_mesh.MOST_FACES:,} faces; "
+    "files that it names lie in its folder or below",
     "a route": f"{curves.LONGEST:,.0f} m; {curves.MAX_KNOTS:,} points that it is given by; "
     f"{routes.MOST_SAMPLES:,} samples",
     "rocks": f"{populations.MAX_POPULATIONS} populations and lists; "

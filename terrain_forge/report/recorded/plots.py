@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, own_style
 from terrain_forge.report.recorded.measures import ImuErrors, RingCounts, WorldSweep
 from terrain_forge.sensors import allan_deviation
 
@@ -23,6 +23,7 @@ _DRAWN = 2000
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": 9, "labelcolor": INK}
 
 
+@own_style()
 def imu_plot(measured: ImuErrors, *, densities: Sequence[tuple[float, float]]) -> bytes:
     """Rates and forces over time; beside them the Allan deviation of their errors.
 
@@ -87,6 +88,7 @@ def _draw_allan(axes: Axes, errors: Array, rate: float, white: float, walk: floa
     axes.grid(color="#eee8e0", linewidth=0.6)
 
 
+@own_style()
 def sweep_plot(sweep: WorldSweep | None, counts: RingCounts) -> bytes:
     """A sweep from above, by ring; beside it the returns per ring."""
     figure = blank_figure(11.0 if sweep else 6.0, 4.6)

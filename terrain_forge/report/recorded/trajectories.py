@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, own_style
 from terrain_forge.report.recorded.plots import INK, LEGEND, blank_figure, png_of
 
 _COLOURS = ("#d1495b", "#2f6f8f", "#5f8a3a", "#8a5fa0", "#c39a2b", "#17a398", "#9a5b2d", "#444444")
@@ -19,6 +19,7 @@ _DRAWN = 2000
 """Points of a line."""
 
 
+@own_style()
 def trajectory_plot(
     picture: NDArray[np.uint8],
     bounds: tuple[float, float, float, float],
@@ -59,6 +60,7 @@ def trajectory_plot(
     return png_of(figure)
 
 
+@own_style()
 def error_plot(runs: Mapping[str, Array]) -> bytes:
     """How far systems are off over the length of the true path, as PNG."""
     figure = blank_figure(7.4, 3.6)

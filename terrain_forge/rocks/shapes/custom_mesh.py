@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,15 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import MAX_MESH, Array, DataError, Key, require_file
+from terrain_forge.base import (
+    MAX_MESH,
+    Array,
+    DataError,
+    Key,
+    lies_within,
+    require_file,
+    require_gltf,
+)
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import manifold, unite
 from terrain_forge.rocks.shapes.shapes import projections
@@ -32,6 +41,7 @@ ALL_HOLES = 0.05
 """Part of a mesh's area that all its holes together may have, at most."""
 
 _Y_UP = (".glb", ".gltf")
+_MOST_NUMBERS = 200 * MOST_FACES  # of a glTF, so that none is read that has far more faces
 _COARSEST = 1 / 16  # of an edge of middling length: steps of the coordinates
 _SAME_PLACE = 1e-7  # of the largest extent
 _FLATTEST = 1e-5  # volume over the cube of the largest extent, thickness over width
@@ -83,6 +93,8 @@ def _load(path: Path) -> tuple[Array, Faces, list[str]]:
     import trimesh
 
     try:
+        if kind in _Y_UP:
+            require_gltf(path.read_bytes(), most=_MOST_NUMBERS)
         beside: Any = _Beside(path.parent, frozenset(files_of_mesh(path)))
         loaded: Any = trimesh.load(path, process=False, resolver=beside)
         points, faces, textured = _joined(loaded)
@@ -92,8 +104,6 @@ def _load(path: Path) -> tuple[Array, Faces, list[str]]:
         raise Refused(unreadable) from None
     if not len(faces):
         raise Refused(f"holds no faces, or {unreadable}")
-    if len(faces) > MOST_FACES:
-        raise Refused(f"{len(faces)} faces, at most {MOST_FACES}: simplify it first")
     if faces.min() < 0 or faces.max() >= len(points):
         raise Refused(unreadable)
     used = points[np.unique(faces)]
@@ -104,14 +114,17 @@ def _load(path: Path) -> tuple[Array, Faces, list[str]]:
 
 
 def files_of_mesh(path: Path) -> tuple[Path, ...]:
-    """Files that a mesh file names and that are there: materials, textures, buffers."""
+    """Files that a mesh file names and that are there: materials, textures, buffers.
+
+    They lie in its folder or below, links followed; others it may not name.
+    """
     if not path.is_file() or path.stat().st_size > MAX_MESH:
         return ()
     kind, content, named = path.suffix.lower(), path.read_bytes(), list[str]()
     if kind == ".obj":
         named = _words(content, "mtllib")
-        for file in (path.parent / name for name in tuple(named)):
-            if file.is_file() and file.stat().st_size <= MAX_MESH:
+        for file in _below(path, named):
+            if file.stat().st_size <= MAX_MESH:
                 named += [words.split()[-1] for words in _words(file.read_bytes(), "map_")]
     elif kind in _Y_UP:
         if kind == ".glb":
@@ -121,10 +134,15 @@ def files_of_mesh(path: Path) -> tuple[Path, ...]:
             parts = [*tree.get("buffers", ()), *tree.get("images", ())]
             uris = [str(part["uri"]) for part in parts if "uri" in part]
             named = [unquote(uri) for uri in uris if not uri.startswith("data:")]
-    found = []
-    for name in dict.fromkeys(named):
-        with suppress(OSError, ValueError):  # names that no file can have
-            found += [path.parent / name] if (path.parent / name).is_file() else []
+    return _below(path, named)
+
+
+def _below(path: Path, names: Iterable[str]) -> tuple[Path, ...]:
+    """Those of some files beside a mesh that are there, in its folder or below."""
+    found, folder = [], [path.parent.resolve()]
+    for file in (path.parent / name for name in dict.fromkeys(names)):
+        with suppress(OSError, RuntimeError, ValueError):  # names that no file can have
+            found += [file] if lies_within(file, folder) and file.is_file() else []
     return tuple(found)
 
 
@@ -168,6 +186,8 @@ def _joined(loaded: Any) -> tuple[Array, Faces, bool]:
         points.append(projections(own, transform[:3, :3]) + transform[:3, 3])
         faces.append(corners + first)
         first += len(own)
+        if sum(map(len, faces)) > MOST_FACES:
+            raise Refused(f"more than {MOST_FACES} faces: simplify it first")
         textured = textured or getattr(part.visual, "kind", None) == "texture"
     return np.concatenate(points), np.concatenate(faces), textured
 

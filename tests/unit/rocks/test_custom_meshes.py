@@ -2,12 +2,13 @@
 
 import json
 import re
+import struct
 
 import numpy as np
 import pytest
 import trimesh
 
-from terrain_forge.base import DataError, cache_folder
+from terrain_forge.base import DataError, cache_folder, require_gltf
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import CustomMesh, Mesh
 from terrain_forge.recipe import InputFiles, Recipe, TerrainSpec, input_paths
@@ -450,3 +451,53 @@ def test_files_beside_a_mesh_are_known(tmp_path, name):
     assert [path.name for path in input_paths(recipe, tmp_path)] == [name, *wanted]
     hashed = dict(InputFiles(recipe, tmp_path).hashes(patch=None, rover_files=()))
     assert [*hashed] == [name, *wanted]
+
+
+def test_files_elsewhere_are_not_named(tmp_path):
+    folder = tmp_path / "rocks"
+    folder.mkdir()
+    for name in ("secret.mtl", "rocks/own.mtl"):
+        (tmp_path / name).write_text("newmtl a\nmap_Kd /etc/hostname\n")
+    (folder / "link.mtl").symlink_to(tmp_path / "secret.mtl")
+    names = ("../secret.mtl", "/etc/hostname", "/proc/kmsg", "link.mtl", "own.mtl")
+    (folder / "rock.obj").write_text("".join(f"mtllib {name}\n" for name in names))
+    assert files_of_mesh(folder / "rock.obj") == (folder / "own.mtl",)
+    uris = ["../secret.mtl", "/etc/hostname", "own.mtl"]
+    (folder / "rock.gltf").write_text(json.dumps({"buffers": [{"uri": one} for one in uris]}))
+    assert files_of_mesh(folder / "rock.gltf") == (folder / "own.mtl",)
+
+
+TRIANGLE = {"attributes": {"POSITION": 0}}
+MANY = {"componentType": 5126, "count": 10**7, "type": "VEC3"}
+FEW = {**MANY, "count": 3}
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"accessors": [{**MANY, "count": 10**9}]},
+        {"accessors": [MANY] * 100},
+        {"accessors": [{**MANY, "count": 10**9}, {**MANY, "count": -(10**9)}]},
+        {"accessors": [{**MANY, "count": float("nan")}]},
+        {"accessors": [MANY], "meshes": [{"primitives": [TRIANGLE] * 100}]},
+        {
+            "accessors": [{**MANY, "count": 10**5}],
+            "meshes": [{"primitives": [TRIANGLE]}],
+            "nodes": [{"mesh": 0}] * 1000,
+        },
+        {
+            "accessors": [FEW],
+            "meshes": [{"primitives": [TRIANGLE]}],
+            "nodes": [*({"children": [n + 1, n + 1]} for n in range(30)), {"mesh": 0}],
+        },
+    ],
+)
+@pytest.mark.parametrize("ending", ["gltf", "glb"])
+def test_a_few_words_are_no_gigabytes(tmp_path, told, ending, monkeypatch):
+    text = json.dumps({"asset": {"version": "2.0"}, **told}).encode()
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+    (tmp_path / f"rock.{ending}").write_bytes((head if ending == "glb" else b"") + text)
+    monkeypatch.setattr(trimesh, "load", None)  # it would make the arrays
+    assert "is no readable" in refused(tmp_path / f"rock.{ending}")
+    with pytest.raises(ValueError, match=r"too many numbers|nodes within themselves"):
+        require_gltf((tmp_path / f"rock.{ending}").read_bytes(), most=40_000_000)

@@ -86,6 +86,10 @@ FEATURES = {
     "constants can be hidden": """<xacro:property name="e" value="2"/><x v="${e}" t="${tau}"/>""",
 }  # fmt: skip
 FILES = {
+    "kit.yaml": "wheels: [{radius: 0.1}, {radius: 0.25}]\nlit: yes\narm:\n  name: long\n"
+    "  limits: {turn: !degrees 180/2, free: true}\n",
+    "merged.yaml": "a: &a {b: 1}\nc: {<<: *a}\n",
+    "tagged.yaml": "a: !!python/name:os.system\n",
     "more.xacro": ROBOT.format(
         '<xacro:property name="z" value="0.25"/>' + LEG + "<more z='${z}'/>"
     ),
@@ -99,6 +103,9 @@ FILES = {
     "parts/sub/c.xacro": ROBOT.format("<c/>"),
 }
 INCLUDES = {
+    "files of YAML": """<xacro:property name="k" value="${xacro.load_yaml('kit.yaml')}"/>
+        <x r="${k['wheels'][1]['radius']} ${k.wheels[1].radius * 2}" n="${len(k['wheels'])}" on="${k['lit']}"/>
+        <xacro:if value="${k.arm.limits.free}"><y name="${k.arm.name}" turn="${k.arm.limits.turn}"/></xacro:if>""",
     "beside": '<xacro:include filename="more.xacro"/><xacro:leg name="a" x="${z}"/>',
     "twice": '<xacro:include filename="more.xacro"/><xacro:include filename="more.xacro"/>',
     "in a package": '<xacro:include filename="$(find kit)/more.xacro"/>'
@@ -200,7 +207,10 @@ WRONG = {
     '<x v="$(env HOME)"/>': "environment is not read",
     '<x v="$(cwd)"/>': "not known",
     '<xacro:left.arm/>': "no namespace 'left'",
-    "<x v=\"${xacro.load_yaml('a.yaml')}\"/>": "'xacro.load_yaml' is not allowed.*`trust: true`",
+    "<x v=\"${xacro.load_yaml('missing.yaml')}\"/>": "no such file: missing.yaml",
+    "<x v=\"${xacro.load_yaml('merged.yaml')}\"/>": "merges .* are not read",
+    "<x v=\"${xacro.load_yaml('tagged.yaml')}\"/>": "could not determine a constructor",
+    "<x v=\"${xacro.load_yaml('kit.yaml').items()}\"/>": "only arithmetic",
 }  # fmt: skip
 
 
