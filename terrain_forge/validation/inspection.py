@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from terrain_forge.base import DataError, read_json
+from terrain_forge.base import DataError, SimulationError, read_json
 from terrain_forge.model import Check, Export, World
 from terrain_forge.recipe import ValidateSpec
+
+_TOLD = 3
+"""Altered files that are named."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,9 +39,23 @@ class BuiltFolder:
 
     @property
     def mjcf(self) -> Path | None:
-        """The folder of its first MJCF export."""
-        found = (export.folder for export in self.exports if export.kind == "mjcf")
-        return next((self.directory / folder for folder in found), None)
+        """The folder of its first MJCF export.
+
+        Raises:
+            SimulationError: if one of its files is altered.
+        """
+        found = next((export.folder for export in self.exports if export.kind == "mjcf"), None)
+        if found is None:
+            return None
+        if why := not_opened(found, self.altered):
+            raise SimulationError(why)
+        return self.directory / found
+
+
+def not_opened(folder: str, altered: Iterable[str]) -> str:
+    """Why an export is not given to programs: they would read whatever stands in altered files."""
+    names = [name for name in altered if name.startswith(f"{folder}/")]
+    return f"not opened, since altered: {', '.join(names[:_TOLD])}" if names else ""
 
 
 def content_of(file: Path) -> dict[str, Any]:

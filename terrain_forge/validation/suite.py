@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import RecipeError, worker_threads
 from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
+from terrain_forge.validation.inspection import not_opened
 from terrain_forge.validation.measures import (
     ASPECTS,
     BALL_LIMIT,
@@ -41,22 +42,37 @@ _QUICK = {
 
 
 def quick_checks(
-    world: World, directory: Path, exports: Sequence[Export], *, points: int
+    world: World,
+    directory: Path,
+    exports: Sequence[Export],
+    *,
+    points: int,
+    altered: Sequence[str] = (),
 ) -> list[Check]:
-    """Compare each export with the world as its quick consumers read it, at random points."""
+    """Compare each export with the world as its quick consumers read it, at random points.
+
+    An export with an altered file is not opened, and fails.
+    """
     sample = draw_sample(world, points=points, quick=True)
     quick = [(e, c, o) for e in exports for c, o in consumers(e) if c.quick]
     with worker_threads(2) as pool:
-        found = pool.map(lambda one: _quickly(sample, directory, *one), quick)
+        found = pool.map(lambda one: _quickly(sample, directory, *one, altered), quick)
         return [check for checks in found for check in checks]
 
 
 def _quickly(
-    sample: Sample, directory: Path, export: Export, consumer: Consumer, options: Any
+    sample: Sample,
+    directory: Path,
+    export: Export,
+    consumer: Consumer,
+    options: Any,
+    altered: Sequence[str],
 ) -> list[Check]:
     name = Path(export.folder).name
     with tempfile.TemporaryDirectory() as scratch:
-        entries, reading = read(sample, directory, export, consumer, options, Path(scratch))
+        entries, reading = read(
+            sample, directory, export, consumer, options, Path(scratch), altered=altered
+        )
     checks = [
         check.replace(name=f"{name}: {_QUICK[entry.aspect]}")
         for entry in entries
@@ -72,10 +88,12 @@ def conformance(
     exports: Sequence[Export],
     *,
     points: int,
+    altered: Sequence[str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> list[Entry]:
     """Measure each export in all of its consumers, at so many random points, and the world's paths.
 
+    An export with an altered file is not opened, and fails.
     What a consumer has to say besides is kept in `directory`/validation/consumers; `progress` is
     told the share of the exports that are done, 0 to 1.
     """
@@ -93,7 +111,9 @@ def conformance(
             if consumer.full:
                 scratch = directory / "validation" / "consumers" / export.folder
                 scratch.mkdir(parents=True, exist_ok=True)
-                found, reading = read(sample, directory, export, consumer, options, scratch)
+                found, reading = read(
+                    sample, directory, export, consumer, options, scratch, altered=altered
+                )
                 entries += found
                 if reading and reading.balls is not None and not reading.quantum:
                     rests.append(reading.balls)
@@ -128,12 +148,16 @@ def read(
     consumer: Consumer,
     options: Any,
     scratch: Path,
+    *,
+    altered: Sequence[str] = (),
 ) -> tuple[list[Entry], Reading | None]:
     """The entries of an export in a consumer, and what it made of it where it could be run."""
     status: Status = "fail"
     blank = Entry(
         export=export.folder, kind=export.kind, consumer=consumer.name, aspect="", status="pass"
     )
+    if why := not_opened(export.folder, altered):
+        return [replace(blank, status=status, note=why)], None
     try:
         reading = consumer.read(sample, directory / export.folder, options, scratch)
         aspects = tuple(filter(None, _QUICK)) if sample.quick else ASPECTS

@@ -175,7 +175,7 @@ def test_a_foreign_export_is_verified_and_opened_like_ours(installed, built, tmp
         points.write_text("\n".join(f"{line[:-1]}9" for line in lines).replace(",0.", ",1."))
         assert run("validate", out, "--quick").returncode == 1
     failing = {check["name"] for check in report(out)["checks"] if not check["passed"]}
-    assert failing >= {"files: missing or altered", "thin: ground"}
+    assert failing >= {"files: missing or altered", "thin: reading"}
 
 
 GONE = "install broken 1.0, example 1.0, with which it was built"

@@ -27,6 +27,7 @@ from terrain_forge.validation.inspection import BuiltFolder, Inspection, content
 _REPORTED = "drive", "drives"
 """Parts of the report."""
 _TIMED = "wall_time_s", "real_time_factor"
+_SCENE = "scene.xml"
 _BELLY = (7, 5)
 _ABOVE = 1.0
 _TOLD = 3
@@ -52,17 +53,14 @@ class Drives(Inspection):
         if built.driven is not None:
             yield from self._keep(built, built.driven)
             return
-        if built.mjcf is None:
-            return
-        scene = built.mjcf / "scene.xml"
         if one:
             try:
-                yield from self._drive(built, scene, one)
+                yield from self._drive(built, one)
             except SimulationError as error:
                 yield failed(f"drive {one.path}", str(error))
         if many:
             try:
-                yield from self._start(built, scene, many)
+                yield from self._start(built, many)
             except SimulationError as error:
                 yield failed("drives from many starts", str(error))
 
@@ -76,24 +74,29 @@ class Drives(Inspection):
             if check["group"] == self.group:
                 yield Check(**check)
 
-    def _drive(self, built: BuiltFolder, scene: Path, spec: DriveSpec) -> list[Check]:
+    def _drive(self, built: BuiltFolder, spec: DriveSpec) -> list[Check]:
         """Drive a path through the exported scene."""
         world = built.world
+        if (folder := built.mjcf) is None:
+            return []
         path = next((t for t in world.trajectories if t.name == spec.path), None)
         if path is None:
             return [failed(f"drive {spec.path}", "the path does not lie within this world")]
-        model = load_scene(scene)
+        model = load_scene(folder / _SCENE)
         begin = time.perf_counter()
         result = drive(
             scene=model, trajectory=path, rover=world.rover, spec=spec, progress=built.progress
         )
         self._note_time("drive", begin, result.duration)
         self.drive = measure_clearance(world, result)
-        return [rover_mass_check(world, model, scene.parent.name), *drive_checks(self.drive, spec)]
+        return [rover_mass_check(world, model, folder.name), *drive_checks(self.drive, spec)]
 
-    def _start(self, built: BuiltFolder, scene: Path, spec: StartsSpec) -> list[Check]:
+    def _start(self, built: BuiltFolder, spec: StartsSpec) -> list[Check]:
         """Drive straight on from many starts."""
         begin = time.perf_counter()
+        if (folder := built.mjcf) is None:
+            return []
+        scene = folder / _SCENE
         result = drive_from_many_starts(built.world, scene, spec, progress=built.progress)
         simulated = sum(start.drive.duration for start in result.starts if start.drive)
         self._note_time("drives", begin, simulated)

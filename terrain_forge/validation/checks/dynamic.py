@@ -53,11 +53,13 @@ class Dynamic(Inspection):
     def checks(self, built: BuiltFolder) -> list[Check]:
         """How many dynamic rocks stay where they lie, where the world has any."""
         every = int(np.count_nonzero(built.world.field.dynamic))
-        if built.mjcf is None or not every:
+        if not every:
             return []
         title = f"rocks: dynamic ones that stay for {TIME:g} s"
         try:
-            stay = watch(built.world, built.mjcf / "world.xml")
+            if (folder := built.mjcf) is None:
+                return []
+            stay = watch(built.world, folder / "world.xml")
         except SimulationError as error:
             return [failed(title, str(error))]
         count, gone = len(stay.id), int(np.count_nonzero(~stay.stayed))

@@ -43,7 +43,13 @@ class Exports(Inspection):
 
     def checks(self, built: BuiltFolder) -> list[Check]:
         """The quick checks of all exports."""
-        return quick_checks(built.world, built.directory, built.exports, points=built.spec.points)
+        return quick_checks(
+            built.world,
+            built.directory,
+            built.exports,
+            points=built.spec.points,
+            altered=built.altered,
+        )
 
 
 class Programs(Inspection):
@@ -63,6 +69,7 @@ class Programs(Inspection):
                 built.directory,
                 built.exports,
                 points=built.spec.points,
+                altered=built.altered,
                 progress=built.progress,
             )
         return [entry.check for entry in self._entries if entry.check]
