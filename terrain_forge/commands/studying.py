@@ -16,7 +16,8 @@ from terrain_forge.terminal import FAILED_CHECK, Command, Display, say
 )
 @click.option("--jobs", type=click.IntRange(1, 256), metavar="N", help="Worlds at once.")
 @click.option("--list", "listed", is_flag=True, help="Only list the worlds and what they cost.")
-def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
+@click.option("--trust", is_flag=True, help="Run programs that FILE names, as its `trust: true`.")
+def study(file: Path, out: Path | None, jobs: int | None, listed: bool, trust: bool) -> int:
     """Build, record and evaluate over all levels of the study in FILE.
 
     FILE is a YAML file, or one that ships: loam_on_short, sun_and_flare, suspension.
@@ -34,9 +35,9 @@ def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
     )
 
     if listed:
-        return _list(file)
+        return _list(file, trust)
     with Display(("cells",)) as display:
-        result = run_study(file, out, jobs=jobs, progress=display)
+        result = run_study(file, out, jobs=jobs, trust=trust, progress=display)
     effects = effects_of(result.study, result.outcomes)
     rows = effect_rows(effects, MAIN) if effects else outcome_rows(result.study, result.outcomes)
     for line in text_table(rows):
@@ -48,12 +49,12 @@ def study(file: Path, out: Path | None, jobs: int | None, listed: bool) -> int:
     return 0 if all(one.runs for one in result.outcomes) else FAILED_CHECK
 
 
-def _list(file: Path) -> int:
+def _list(file: Path, trust: bool) -> int:
     """Say which worlds there are, and what they cost."""
     from terrain_forge.base import size_text
     from terrain_forge.studies import costs_of, read_study, require_served, study_of
 
-    found = study_of(read_study(file))
+    found = study_of(read_study(file, trust=trust))
     costs = costs_of(found.cells)
     require_served(costs)
     for cell, cost in zip(found.cells, costs, strict=True):

@@ -80,7 +80,7 @@ class Adapter(Spec):
     """What `terrain-forge evaluate --install` puts into an environment of its own for it."""
     loose: bool = False
     """Whether the first package is installed without what it asks for."""
-    environment_of: str = ""
+    environment_of: FileName | None = None
     """Another name for its environment, which systems of the same packages share."""
     binary: str = ""
     """What `{binary}` stands for in the command: a program that the user has."""

@@ -32,7 +32,7 @@ GROUP = "terrain_forge.systems"
 """Entry points that name packages with folders of system files, as ours has."""
 _OURS = Path(__file__).parent / "systems"
 DRIVERS = Path(__file__).parent / "drivers"
-_MOST = 2**20
+_MOST = 2**16
 _DONE = "installed.json"
 
 
@@ -186,7 +186,8 @@ def install_system(adapter: Adapter) -> Path:
         The folder of the environment, or else the vocabulary.
 
     Raises:
-        DataError: if it needs nothing, or pip cannot install it; tells pip's last line.
+        DataError: if it needs nothing, what stands in the environment's place is none that this
+            made, or pip cannot install it; tells pip's last line.
     """
     if not adapter.packages and not adapter.needs_vocabulary:
         raise DataError(f"{adapter.name} needs no packages: {adapter.about or 'nothing to do'}")
@@ -195,8 +196,20 @@ def install_system(adapter: Adapter) -> Path:
         if not adapter.packages:
             return vocabulary
     folder = environment(adapter)
+    if folder.is_symlink() or (folder.exists() and not (folder / _DONE).is_file()):
+        raise DataError(f"{folder} is no environment that was made here: move it away")
     shutil.rmtree(folder, ignore_errors=True)
     folder.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        _fill(folder, adapter)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
+
+
+def _fill(folder: Path, adapter: Adapter) -> None:
+    """Make an environment where there is none yet."""
     venv.create(folder, with_pip=True)
     first, *rest = adapter.packages
     orders = [["--no-deps", first], rest] if adapter.loose else [list(adapter.packages)]
@@ -204,11 +217,9 @@ def install_system(adapter: Adapter) -> Path:
         command = [str(_python(folder)), "-P", "-m", "pip", "install", "-q", *order]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            shutil.rmtree(folder, ignore_errors=True)
             why = (done.stderr.strip().splitlines() or ["no reason told"])[-1]
             raise DataError(f"{adapter.name}: pip cannot install {' '.join(order)}: {why}")
     (folder / _DONE).write_text(json.dumps({"packages": adapter.packages}), encoding="utf-8")
-    return folder
 
 
 def _python(folder: Path) -> Path:

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from terrain_forge.base import own_style
 from terrain_forge.studies.cells import Study
 from terrain_forge.studies.effects import MAIN, MEASURES, Effect
 from terrain_forge.studies.factors import Factor
@@ -20,6 +21,7 @@ _LONGEST = 18
 """Characters of a level's name."""
 
 
+@own_style()
 def effect_plot(study: Study, factor: Factor, effects: list[Effect]) -> bytes:
     """The figures of a factor's levels, by system, as PNG.
 

@@ -54,6 +54,9 @@ class StudySpec(Spec):
     """Names of systems, or their files relative to the study's."""
     binaries: dict[FileName, str] = field(default_factory=dict)
     """Programs that the user has, by the names of systems."""
+    trust: bool = False
+    """Whether the programs of `binaries` and of the systems' files may run, which can do anything
+    that their user can. Systems that are known by name need no such word."""
     runs: Annotated[int, Interval(ge=1, le=100)] = 1
     """How often each system is run on a recording."""
     score: ScoreOptions = field(default_factory=ScoreOptions)
@@ -99,11 +102,12 @@ def shipped_studies() -> dict[str, Path]:
     return {path.stem: path for path in sorted(Path(str(folder)).glob("*.yaml"))}
 
 
-def read_study(path: Path | str) -> StudyFile:
+def read_study(path: Path | str, *, trust: bool = False) -> StudyFile:
     """Read and check the file of a study.
 
     Args:
         path: The file, or the name of one that ships.
+        trust: Whether the programs that it names may run, as its own `trust: true` says.
 
     Raises:
         RecipeError: `file:line: key: what was found, what is allowed`.
@@ -126,6 +130,8 @@ def read_study(path: Path | str) -> StudyFile:
     file = StudyFile(path=path, spec=spec, lines=lines, systems=())
     if bool(spec.recipe) == bool(spec.recipes):
         raise RecipeError(f"{path}: a study has a `recipe`, or a list of `recipes`")
+    if not trust and not spec.trust:
+        _require_no_programs(file)
     begin, end = spec.record.from_s, spec.record.to_s
     if end is not None and end <= begin:
         raise RecipeError(
@@ -141,5 +147,25 @@ def read_study(path: Path | str) -> StudyFile:
     return StudyFile(path=path, spec=spec, lines=lines, systems=systems)
 
 
+def _require_no_programs(file: StudyFile) -> None:
+    """Refuse a study that names programs, which would run by the name of the study alone.
+
+    Raises:
+        RecipeError: says at which key.
+    """
+    own = {"systems": next(filter(_is_file, file.spec.systems), "")}
+    own["binaries"] = next(iter(file.spec.binaries.values()), "")
+    for key, name in own.items():
+        if name:
+            raise RecipeError(
+                f"{file.place(key)}: {key}: {name} would run a program that the study brings: look "
+                "at it, then say `trust: true` in the study, or --trust"
+            )
+
+
+def _is_file(name: str) -> bool:
+    return name.endswith((".yaml", ".yml"))
+
+
 def _system(name: str, folder: Path) -> Adapter:
-    return find_system(str(folder / name) if name.endswith((".yaml", ".yml")) else name)
+    return find_system(str(folder / name) if _is_file(name) else name)

@@ -34,6 +34,7 @@ def run_study(
     out: Path | str | None = None,
     *,
     jobs: int | None = None,
+    trust: bool = False,
     progress: Progress = silent,
 ) -> StudyResult:
     """Build, record and evaluate over all levels of a study, and tell the effects.
@@ -44,6 +45,7 @@ def run_study(
         path: The study's file.
         out: Its folder; by default its name in the current folder.
         jobs: How many worlds at once; by default as many as there are cores and memory for.
+        trust: Whether the programs that it names may run, as its own `trust: true` says.
         progress: Told of each cell.
 
     Raises:
@@ -51,7 +53,7 @@ def run_study(
         OutputError: if the folder holds something else.
         StorageError: if the disk is too small.
     """
-    study = study_of(read_study(path))
+    study = study_of(read_study(path, trust=trust))
     folder = Path(out or study.file.name).absolute()
     results = run_cells(study, folder, jobs=jobs, progress=progress)
     outcomes = outcomes_of(study, results)

@@ -362,3 +362,22 @@ def test_the_papers_figures_stand_beside_those_of_its_paths():
     assert paper_figure("kiss-icp", "gale-long") is None
     drift = [paper_figure(name, "gale-long").drift for name in ("libviso2", "hdl-graph-slam")]
     np.testing.assert_allclose(drift, [0.0034, 0.603])
+
+
+@pytest.mark.parametrize("place", ["/tmp/victim", "..", ".", "a/b"])
+def test_an_environment_lies_nowhere_else(tmp_path, place):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"command: x\npackages: [x]\nenvironment_of: {place}\n")
+    with pytest.raises(DataError, match="environment_of"):
+        find_system(str(path))
+
+
+def test_an_installation_removes_only_what_an_earlier_one_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path / "cache"))
+    path, notes = tmp_path / "mine.yaml", tmp_path / "cache/systems/mine/notes.txt"
+    path.write_text("command: x\npackages: [/no/such/package]\n")
+    notes.parent.mkdir(parents=True)
+    notes.write_text("precious")
+    with pytest.raises(DataError, match="mine is no environment that was made here"):
+        install_system(find_system(str(path)))
+    assert notes.read_text() == "precious"

@@ -22,6 +22,7 @@ from terrain_forge.studies import (
     effects_of,
     read_study,
     run_study,
+    shipped_studies,
     study_of,
 )
 from terrain_forge.studies import running as running_file
@@ -374,3 +375,28 @@ def _content(path):
         return path.read_bytes()
     except OSError:
         return b""
+
+
+PROGRAM = "command: touch ran\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (("[wheel-odometry]", "[wheel-odometry, mine.yaml]"), "systems: mine.yaml"),
+        (("[wheel-odometry]", "[a-loam]\n    binaries: {a-loam: ./run.sh}"), "binaries: ./run.sh"),
+    ],
+)
+def test_programs_that_a_study_brings_run_by_an_explicit_word(written, tmp_path, change, key):
+    (tmp_path / "mine.yaml").write_text(PROGRAM)
+    with pytest.raises(RecipeError, match=rf"slip.yaml:\d+: {key} would run a program"):
+        read_study(written(change))
+    assert read_study(written(change), trust=True).systems
+    assert read_study(written(change, ("score:", "trust: true\n    score:"))).systems
+    assert run("study", written(change), "--list").returncode == 2
+    assert "worlds" in run("study", written(change), "--list", "--trust").stdout
+
+
+def test_studies_that_ship_bring_none():
+    for name in shipped_studies():
+        assert read_study(name).systems
