@@ -53,7 +53,9 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import is_inside as is_inside
 from .links import lies_within as lies_within
+from .links import require_unlinked as require_unlinked
 from .links import resolved as resolved
 from .mujoco_files import load_model as load_model
 from .power_pieces import PowerPieces as PowerPieces
@@ -122,6 +124,8 @@ from .threads import listen_for_interrupts as listen_for_interrupts
 from .threads import processors as processors
 from .threads import telling_interrupts as telling_interrupts
 from .threads import worker_threads as worker_threads
+from .whole import sync as sync
+from .whole import write_through as write_through
 from .whole import write_whole as write_whole
 from .yaml_nodes import MAX_DEPTH as MAX_DEPTH
 from .yaml_nodes import MAX_NODES as MAX_NODES

@@ -1,10 +1,10 @@
-"""Paths with symbolic links in them."""
+"""Paths with symbolic links in them, and names that stay in a folder."""
 
 from __future__ import annotations
 
 import errno
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from terrain_forge.base.errors import OutputError
 
@@ -33,3 +33,24 @@ def lies_within(path: Path, folders: Iterable[Path]) -> bool:
     """
     whole = path.resolve()
     return any(whole.is_relative_to(folder) for folder in folders)
+
+
+def is_inside(name: str) -> bool:
+    """Whether a name that a list has of a file or a folder (with a slash) stays in its folder."""
+    place = PurePosixPath(name)
+    plain = str(place) == name.removesuffix("/") and "\0" not in name
+    return plain and bool(place.parts) and not place.is_absolute() and ".." not in place.parts
+
+
+def require_unlinked(folder: Path, name: str | PurePosixPath) -> Path:
+    """The place of a name in a folder, to which no link within the folder leads.
+
+    Raises:
+        OutputError: names the part of it that is a link, the last one too.
+    """
+    place = folder
+    for part in PurePosixPath(name).parts:
+        place /= part
+        if place.is_symlink():
+            raise OutputError(f"{place} is a link, which is not followed: move it away")
+    return place

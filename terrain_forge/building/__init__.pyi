@@ -31,7 +31,6 @@ from .staging import finish as finish
 from .staging import holding as holding
 from .staging import replacing as replacing
 from .staging import updating as updating
-from .staging import write_through as write_through
 from .writing import BuildResult as BuildResult
 from .writing import write_export as write_export
 from .writing import write_files as write_files

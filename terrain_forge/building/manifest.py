@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, NoReturn
 
 from terrain_forge import __version__
@@ -16,6 +16,7 @@ from terrain_forge.base import (
     DataError,
     OutputError,
     TerrainForgeError,
+    is_inside,
     read_text,
     worker_threads,
     write_whole,
@@ -128,7 +129,7 @@ def _is_ours(manifest: Any) -> bool:
         and isinstance(varying, list)
         and all(isinstance(name, str) for name in varying)
         and isinstance(exports, dict)
-        and all(map(_is_inside, (*varying, *exports)))
+        and all(map(is_inside, (*varying, *exports)))
         and all(
             isinstance(e, dict)
             and {*e} == {"kind", "options", "losses"}
@@ -147,14 +148,8 @@ def lists_outputs(manifest: Manifest) -> bool:
     return (
         isinstance(outputs, dict)
         and all(isinstance(value, str) for value in outputs.values())
-        and all(map(_is_inside, outputs))
+        and all(map(is_inside, outputs))
     )
-
-
-def _is_inside(name: str) -> bool:
-    """Whether a name of a manifest stays in the world's folder."""
-    place = PurePosixPath(name)
-    return "\0" not in name and not place.is_absolute() and ".." not in place.parts
 
 
 def exports_in(manifest: Manifest) -> tuple[Export, ...]:
@@ -219,7 +214,9 @@ def is_staging(folder: Path) -> bool:
     try:
         lock, inside = folder / LOCK, [path.name for path in folder.iterdir()]
         marks = (MARK,) if {*inside} - {LOCK} else (MARK, b"")
-        return not folder.is_symlink() and (not inside or lock.read_bytes() in marks)
+        if folder.is_symlink() or lock.is_symlink() or (inside and not lock.is_file()):
+            return False
+        return not inside or (lock.stat().st_size <= len(MARK) and lock.read_bytes() in marks)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return False
 

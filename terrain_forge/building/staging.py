@@ -15,9 +15,17 @@ import shutil
 import time
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from terrain_forge.base import OutputError, hold_interrupts, storing
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    hold_interrupts,
+    read_json,
+    storing,
+    sync,
+    write_through,
+)
 from terrain_forge.building.manifest import (
     LOCK,
     MARK,
@@ -66,6 +74,7 @@ def replacing(target: Path, *, force: bool = False, holds: str = WORLD) -> Itera
             write_through(fresh)
             known = require_ours(target, force=force, holds=holds)  # again: a build takes its time
             _exchange(fresh, target)
+            sync(target.parent)
             with suppress(OSError):  # the new world is there, whatever comes of the old
                 _keep_new_files(fresh, target, known, holds)
     except BaseException as error:
@@ -92,7 +101,8 @@ def finish(out: Path) -> None:
     """Go on where a process was killed while a world's changed files took their places.
 
     Raises:
-        OutputError: if another process writes the world.
+        OutputError: if another process writes the world, a file or link of others is in the way, or
+            what was left is damaged.
         StorageError: if the disk does not take the files.
     """
     if is_staging(out / STAGING) and (out / STAGING / WHOLE).exists():
@@ -129,8 +139,8 @@ def updating(out: Path, *, anew: Iterable[str] = (), foreign: Iterable[str] = ()
         StorageError: if the disk does not take what is written.
         KeyboardInterrupt: with what the world is, where that came when it was whole.
     """
-    for name in ("validation", "report.html", "timings.json", NAME):
-        if (out / name).is_symlink():
+    for name in all_files(out):
+        if (name == "validation" or is_rewritten(name)) and (out / name).is_symlink():
             raise OutputError(f"{out / name} is a link, and would be written: put the file there")
     number = -1
     try:
@@ -175,23 +185,43 @@ def _take_places(whole: Path, out: Path, *, kept: Collection[str] = ()) -> None:
     """Let the files of a world's changed copy take the world's places, but those that are kept.
 
     It may be begun again.
+
+    Raises:
+        OutputError: if a file or link of others stands where a folder goes, or the list of what is
+            to go is damaged.
     """
     fresh = whole / out.name
-    gone = json.loads((whole / _GONE).read_text(encoding="utf-8"))
-    for name in (name for name in all_files(out) if name in gone and name not in kept):
+    names, gone = all_files(fresh), {*_gone(whole)} - {*kept}
+    staying = {*all_files(out)} - gone
+    folders = {str(folder) for name in names for folder in PurePosixPath(name).parents}
+    if clash := sorted(folders & staying):
+        raise OutputError(f"{out / clash[0]} is in the way: move it away")
+    for name in (name for name in all_files(out) if name in gone):
         (out / name).rmdir() if name.endswith("/") else (out / name).unlink()
         for above in (out / name).parents:
             if above == out or any(above.iterdir()):
                 break
             above.rmdir()
-    names = all_files(fresh)
     for name in sorted(names, key=lambda name: name == NAME):  # the manifest last
         if name.endswith("/"):
             (out / name).mkdir(parents=True, exist_ok=True)
         elif name not in kept:
             (out / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).replace(out / name)
+    for folder in {(out / name).parent for name in names}:
+        sync(folder)
     whole.rename(whole.with_name(_NEXT))  # what is left of it
+
+
+def _gone(whole: Path) -> list[str]:
+    """Files that are to go where a world's changed copy takes its places."""
+    try:
+        gone, why = read_json(whole / _GONE, _GONE), f"{_GONE} is no list of names"
+    except DataError as error:
+        gone, why = None, str(error)
+    if not isinstance(gone, list) or not all(isinstance(name, str) for name in gone):
+        raise OutputError(f"{whole} is damaged: {why}; move it away, and build the world anew")
+    return gone
 
 
 @contextmanager
@@ -206,8 +236,10 @@ def _staging(folder: Path, target: Path) -> Iterator[Path]:
     finally:
         with hold_interrupts(wholly=True):
             if handle >= 0:
-                _clear(folder, target)
-                os.close(handle)
+                try:
+                    _clear(folder, target)
+                finally:
+                    os.close(handle)
 
 
 def _clear(folder: Path, target: Path) -> None:
@@ -250,24 +282,30 @@ def _locked(folder: Path, target: Path) -> int:
 
 def _recover(folder: Path, target: Path) -> None:
     """Bring back a world that was set aside and not replaced; clear what else is left."""
-    if (folder / _OLD).is_dir() and not target.exists():
-        (folder / _OLD).rename(target)
-    if (folder / WHOLE / target.name).is_dir():
-        _take_places(folder / WHOLE, target, kept=suspect_files(target))
+    old, whole = folder / _OLD, folder / WHOLE
+    if _is_ours(old) and not target.exists():
+        old.rename(target)
+    if _is_ours(whole) and _is_ours(whole / target.name):
+        _empty(folder, LOCK, WHOLE)
+        _take_places(whole, target, kept=suspect_files(target))
+    _empty(folder, LOCK)
+
+
+def _empty(folder: Path, *kept: str) -> None:
+    """Remove what is in a staging folder but for some names; what links lead to stays."""
     for path in folder.iterdir() if folder.is_dir() else ():
-        if path.name != LOCK:
+        if path.name in kept:
+            continue
+        if _is_ours(path):
             shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                path.unlink()
 
 
-def write_through(folder: Path) -> None:
-    """Write a folder's files through to the disk."""
-    for path in (folder, *folder.rglob("*")):
-        if not path.is_symlink():
-            handle = os.open(path, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
+def _is_ours(path: Path) -> bool:
+    """Whether a part of a staging folder is a folder, as we make them; links lead elsewhere."""
+    return path.is_dir() and not path.is_symlink()
 
 
 def _exchange(fresh: Path, target: Path) -> None:

@@ -19,10 +19,12 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
+    require_unlinked,
     resolved,
     returning,
     silent,
     storing,
+    write_through,
 )
 from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.streams import RecordedSensor
@@ -125,7 +127,7 @@ def write_dataset(
         recording = open_recording(recording)
     writer.check(recording, chosen)
     target = resolved(folder)
-    around = target.with_name(f".{target.name}.part")
+    around = require_unlinked(target.parent, f".{target.name}.part")
     fresh = around / target.name
     with storing(target, target.parent):
         _require_free(target, recording)
@@ -137,6 +139,7 @@ def write_dataset(
             files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
             with suppress(FileNotFoundError):
                 target.rmdir()
+            write_through(fresh)
             fresh.rename(target)
         finally:
             shutil.rmtree(around, ignore_errors=True)

@@ -20,6 +20,7 @@ from terrain_forge.base import (
     Progress,
     RecipeError,
     StorageError,
+    require_unlinked,
     silent,
     telling_interrupts,
 )
@@ -86,7 +87,7 @@ def evaluate_recording(
 
     Raises:
         DataError: if there is no recording, or it is broken; if two systems have one name.
-        OutputError: if earlier results would go.
+        OutputError: if earlier results would go, or a link leads to where results lie.
         KeyboardInterrupt: with how far it came.
     """
     require_distinct(adapters)
@@ -95,6 +96,9 @@ def evaluate_recording(
     inputs: dict[str, Path] = {}
     folder = recording.folder / RESULTS
     order = [(adapter, number) for adapter in adapters for number in range(1, runs + 1)]
+    written = (f"{RESULTS}/{adapter.name}_{number}" for adapter, number in order)
+    for place in (f"{_INPUTS}/{_digest(recording)}", *written):
+        require_unlinked(recording.folder, place)
     kept = kept_results(
         folder,
         recording=_digest(recording),

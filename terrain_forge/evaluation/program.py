@@ -29,6 +29,8 @@ class Program:
         self, words: Sequence[str], *, folder: Path, log: Path, environment: Mapping[str, str]
     ) -> None:
         self._note = folder / _NOTE
+        for path in (log, self._note):
+            path.unlink(missing_ok=True)  # a link would be written through
         with log.open("wb") as file:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", _LAUNCHER, str(self._note), *words], cwd=folder,

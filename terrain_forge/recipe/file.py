@@ -6,6 +6,7 @@ import json
 import re
 from copy import deepcopy
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ from terrain_forge.base import (
     complaint,
     dotted,
     read_text,
+    resolved,
+    write_whole,
     yaml_reader,
 )
 from terrain_forge.recipe.idle import idle_keys, remove_idle, warn_idle
@@ -178,9 +181,10 @@ def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.default_flow_style = None
     yaml.allow_unicode, yaml.width = True, 100
+    text = StringIO()
+    yaml.dump(remove_idle(recipe, json.loads(adapter().dump_json(recipe))), text)
     try:
-        with path.open("w", encoding="utf-8") as file:
-            yaml.dump(remove_idle(recipe, json.loads(adapter().dump_json(recipe))), file)
+        write_whole(resolved(path), text.getvalue())
     except OSError as error:
         raise OutputError(f"{path} cannot be written: {error.strerror}") from None
     return path

@@ -11,6 +11,7 @@ from terrain_forge.base import (
     Stopwatch,
     compile_ahead,
     processors,
+    require_unlinked,
     size_text,
     telling_interrupts,
 )
@@ -76,7 +77,8 @@ def record_dataset(
 
     Raises:
         RecipeError, DataError: if it cannot be recorded.
-        OutputError: if the folder holds another recording, or another process writes there.
+        OutputError: if the folder holds another recording or is a link, or another process writes
+            there.
         StorageError: if the disk does not take it.
         KeyboardInterrupt: with how far it came.
     """
@@ -84,6 +86,7 @@ def record_dataset(
     spec = with_path(world, checked(spec))
     formats = formats_of(spec)
     folder = dataset_folder(out)
+    require_unlinked(out, folder.name)
     rigged = with_rig(world, spec)
     order.require_named(rigged.rover.sensors)
     if order.all_formats:

@@ -5,12 +5,20 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path, PurePosixPath
 
-from terrain_forge.base import MAX_STATE, DataError, OutputError, require_file
+from terrain_forge.base import (
+    MAX_STATE,
+    DataError,
+    OutputError,
+    is_inside,
+    require_file,
+    require_unlinked,
+    sync,
+)
 
 WRITTEN = "written.csv"
 """The list: size and name of each file, before it takes its place; the last of a name counts."""
@@ -27,11 +35,17 @@ class Store:
 
     One thread writes. What a killed one has begun is not on the list, or is shorter than the list
     says, and is written again.
+
+    Raises:
+        OutputError: if a file of others stands in place of the list, or a link leads to what it
+            lists.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._sizes = _listed(folder / WRITTEN)
+        for place in {PurePosixPath(name).parent for name in self._sizes}:
+            require_unlinked(folder, place)
         self._list: TextIOWrapper | None = None
 
     def __enter__(self) -> Store:
@@ -39,7 +53,7 @@ class Store:
 
     def __exit__(self, *_: object) -> None:
         self._close()
-        (self.folder / _FRESH).unlink(missing_ok=True)
+        _free(self.folder / _FRESH)
 
     @property
     def size(self) -> int:
@@ -67,17 +81,20 @@ class Store:
         """Write a file, or let it be written, and let it take its place.
 
         Raises:
-            OutputError: if a file of others lies there.
+            OutputError: if a file of others lies there, or a link leads there.
         """
         self.require_free(name)
+        above = require_unlinked(self.folder, PurePosixPath(name).parent)
         path, fresh = self.folder / name, self.folder / _FRESH
-        path.parent.mkdir(parents=True, exist_ok=True)
+        above.mkdir(parents=True, exist_ok=True)
+        _free(fresh)
         if callable(content):
             content(fresh)
         else:
             fresh.write_bytes(content)
         size = fresh.stat().st_size
-        self._note(size, name)
+        sync(fresh)
+        self._note({name: size})
         fresh.replace(path)
 
     def holds_folder(self, name: str) -> bool:
@@ -87,29 +104,34 @@ class Store:
         )
 
     def free_folder(self, name: str) -> None:
-        """Remove what is ours of a folder, and note that what comes to be there is."""
+        """Remove what is ours of a folder, and note that what comes to be there is.
+
+        Raises:
+            OutputError: if a link stands there.
+        """
+        require_unlinked(self.folder, name)
         if self._sizes.get(f"{name}/") == _CLAIMED:  # killed before it was adopted: all is ours
             shutil.rmtree(self.folder / name, ignore_errors=True)
         self._remove(self._inside(name))
-        self._note(_CLAIMED, f"{name}/")
+        self._note({f"{name}/": _CLAIMED})
 
     def adopt(self, name: str) -> None:
         """Take all files of a folder that was claimed and has come to be there as ours."""
-        for path in sorted((self.folder / name).rglob("*")):
-            if path.is_file():
-                self._note(path.stat().st_size, path.relative_to(self.folder).as_posix())
-        self._note(_ADOPTED, f"{name}/")
+        paths = (path for path in sorted((self.folder / name).rglob("*")) if path.is_file())
+        sizes = {path.relative_to(self.folder).as_posix(): path.stat().st_size for path in paths}
+        self._note({**sizes, f"{name}/": _ADOPTED})
 
     def _inside(self, name: str) -> list[str]:
         start = f"{name}/"
         return [file for file in self._sizes if file.startswith(start) and file != start]
 
-    def _note(self, size: int, name: str) -> None:
+    def _note(self, sizes: Mapping[str, int]) -> None:
         if self._list is None:
             self._list = _opened(self.folder / WRITTEN)
-        self._list.write(f"{size},{name}\n")
+        self._list.writelines(f"{size},{name}\n" for name, size in sizes.items())
         self._list.flush()
-        self._sizes[name] = size
+        os.fdatasync(self._list.fileno())  # what is not on the list is a user's
+        self._sizes |= sizes
 
     def _remove(self, names: Collection[str]) -> None:
         """Remove files, and folders that they leave empty."""
@@ -127,7 +149,9 @@ class Store:
         kept = {n: s for n, s in self._sizes.items() if n.endswith("/") or self.holds(n)}
         lines = [_HEADER, *(f"{size},{name}" for name, size in sorted(kept.items()))]
         fresh = self.folder / _FRESH
+        _free(fresh)
         fresh.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        sync(fresh)
         fresh.replace(self.folder / WRITTEN)
 
     def _close(self) -> None:
@@ -148,18 +172,16 @@ class Store:
 def _listed(path: Path) -> dict[str, int]:
     """Sizes of files by their names; a line that was cut short is none."""
     try:
-        if not path.is_symlink() and not path.exists():
+        if not os.path.lexists(path):
             return {}
         require_file(path, WRITTEN, most=MAX_STATE)
         first, *lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
     except DataError:
         first, lines = "", []
-    if first != _HEADER:
+    if first != _HEADER or path.is_symlink():
         raise OutputError(f"{path} is in the way: move it away")
     found = (line.partition(",") for line in lines)
-    return {
-        name: int(size) for size, _, name in found if _SIZE.fullmatch(size) and _is_inside(name)
-    }
+    return {name: int(size) for size, _, name in found if _SIZE.fullmatch(size) and is_inside(name)}
 
 
 def _opened(path: Path) -> TextIOWrapper:
@@ -174,7 +196,13 @@ def _opened(path: Path) -> TextIOWrapper:
     return found
 
 
-def _is_inside(name: str) -> bool:
-    """Whether a name of the list stays in the folder."""
-    place = PurePosixPath(name)
-    return bool(name) and not place.is_absolute() and ".." not in place.parts and "\0" not in name
+def _free(fresh: Path) -> None:
+    """Remove what was left where a file is written.
+
+    Raises:
+        OutputError: if that is a folder, which is not ours.
+    """
+    try:
+        fresh.unlink(missing_ok=True)
+    except IsADirectoryError:
+        raise OutputError(f"{fresh} is in the way: move it away") from None

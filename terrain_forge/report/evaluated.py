@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from terrain_forge.base import Progress, resolved, silent
+from terrain_forge.base import Progress, require_unlinked, resolved, silent
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -56,6 +56,7 @@ def evaluate(
         OutputError: if earlier results would go.
     """
     out = resolved(out)
+    require_unlinked(out, dataset_folder(out).name)
     progress("load", 0.0)
     results = evaluate_recording(
         out, systems, runs=runs, options=options, force=force, progress=progress
@@ -92,6 +93,7 @@ def evaluate_maps(
         OutputError: if the folder holds no world, or the table there cannot be read.
     """
     out = resolved(out)
+    require_unlinked(out, f"{dataset_folder(out).name}/{RESULTS}")
     progress("load", 0.0)
     world, folder = World.load(out), dataset_folder(out)
     scores = score_maps(

@@ -25,6 +25,7 @@ from terrain_forge.base import (
     parts,
     place_of,
     read_bytes,
+    write_whole,
 )
 from terrain_forge.model import Export, World
 from terrain_forge.report.blocks import Block, Cell, photograph, read_picture, thousands
@@ -129,8 +130,7 @@ def write_page(
         scripts=(),
         version=__version__,
     )
-    path.write_text(text, encoding="utf-8", newline="\n")
-    return path
+    return write_whole(path, text)
 
 
 def _shown(title: str, body: Markup) -> dict[str, Any]:

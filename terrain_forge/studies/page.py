@@ -31,6 +31,7 @@ def write_study_page(study: Study, outcomes: Sequence[Outcome], out: Path) -> li
     for number, factor in enumerate(study.factors, 1):
         picture = effect_plot(study, factor, effects)
         paths.append(out / f"effect_{number}.png")
+        paths[-1].unlink(missing_ok=True)  # a link would be written through
         paths[-1].write_bytes(picture)
         mine = [one for one in effects if one.factor == factor.name]
         blocks = [drawing(picture, description=f"{MAIN} over {factor.name}", caption=_HOW)]

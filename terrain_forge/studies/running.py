@@ -22,6 +22,7 @@ from terrain_forge.base import (
     ask_for_interrupt,
     python_words,
     read_json,
+    require_unlinked,
     silent,
     size_text,
     telling_interrupts,
@@ -35,7 +36,7 @@ from terrain_forge.recording import Order, RecordingCost, dataset_folder, record
 from terrain_forge.rovers import rover_of
 from terrain_forge.studies.cells import Cell, Study
 from terrain_forge.studies.spec import RecordSpec
-from terrain_forge.studies.worker import JOB, LOG, RESULT, lacking, sensors_for
+from terrain_forge.studies.worker import JOB, KEPT, LOG, RESULT, lacking, sensors_for
 
 CELLS = "cells"
 INDEX = "study.json"
@@ -130,6 +131,9 @@ def run_cells(
         return f"{done} of {count} cells are in {out}: the same command goes on from there"
 
     with telling_interrupts(told), holding(out):
+        for digest in sorted({cell.digest for cell in study.cells}):
+            for folder in (KEPT, dataset_folder(Path()).name):
+                require_unlinked(out, f"{CELLS}/{digest}/{folder}")
         (out / CELLS).mkdir(exist_ok=True)
         text = json.dumps(index_of(study), indent=1)
         write_whole(out / INDEX, text + "\n")

@@ -14,8 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Stopwatch, silent, storing
-from terrain_forge.building import write_through
+from terrain_forge.base import Stopwatch, silent, storing, sync, write_through
 from terrain_forge.making import make_world
 from terrain_forge.model import Tile, Window, World
 from terrain_forge.paths import known_within
@@ -62,6 +61,7 @@ def placing(order: TileOrder, number: int) -> Iterator[Path]:
             write_through(fresh)
             place.parent.mkdir(parents=True, exist_ok=True)
             _take_place(fresh, place)
+            sync(place.parent)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
 

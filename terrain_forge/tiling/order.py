@@ -27,9 +27,10 @@ from terrain_forge.base import (
     read_json,
     reading,
     software,
+    sync,
     to_plain,
+    write_through,
 )
-from terrain_forge.building import write_through
 from terrain_forge.model import (
     Export,
     RockLibrary,
@@ -79,13 +80,15 @@ class TileOrder:
 
 
 def require_plain(out: Path) -> None:
-    """Refuse links and pipes where a site's files are written in place; tiles are moved there.
+    """Refuse links and pipes where a site's files are written in place, or its tiles moved to.
 
     Raises:
         OutputError: names the first.
     """
-    above = [path for path in sorted(out.iterdir()) if path.name not in ("tiles", STAGING)]
-    within = (one for path in above if not path.is_symlink() for one in sorted(path.rglob("*")))
+    above = [path for path in sorted(out.iterdir()) if path.name != STAGING]
+    folders = [path for path in above if path.is_dir() and not path.is_symlink()]
+    depth = {"tiles": "*"}  # whose rows are folders that tiles are moved to
+    within = (one for path in folders for one in sorted(path.glob(depth.get(path.name, "**/*"))))
     for path in (*above, *within):
         if path.is_symlink() or not (path.is_dir() or path.is_file()):
             what = "a link" if path.is_symlink() else "no regular file"
@@ -213,6 +216,7 @@ def save_order(order: TileOrder) -> None:
         (fresh / name).write_bytes(content)
     write_through(fresh)
     fresh.rename(order.out / FOLDER)
+    sync(order.out)
 
 
 def _files(order: TileOrder) -> dict[str, bytes]:

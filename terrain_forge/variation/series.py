@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import os
+import re
 import shutil
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -27,10 +28,13 @@ from terrain_forge.base import (
     TerrainForgeError,
     compile_ahead,
     read_json,
+    require_unlinked,
     resolved,
     run_tasks,
     silent,
+    sync,
     telling_interrupts,
+    write_through,
     write_whole,
 )
 from terrain_forge.building import (
@@ -63,6 +67,8 @@ from terrain_forge.variation.sharing import drop_unshared, share
 ORDER, TABLE, POOL, SUMMARY = "worlds.json", "worlds.csv", "shared", "drawn.json"
 FORMAT = 1
 _BEGUN = ".begun-"
+_LEFT = re.compile(rf"{re.escape(_BEGUN)}[0-9]{{5,}}-[0-9]+")
+"""A world that a killed process was making."""
 _SHOWN = 60
 """Characters of a value that a message shows."""
 _PICTURE = 256
@@ -132,10 +138,11 @@ def worlds(
     _require_ours(out, recipe, orders)
     told = partial(_told, out, count)
     with holding(out), telling_interrupts(told):
-        (out / POOL).mkdir(exist_ok=True)
+        require_unlinked(out, POOL).mkdir(exist_ok=True)
         _write(out / ORDER, _order(recipe, orders))
-        for left in out.glob(f"{_BEGUN}*"):
-            shutil.rmtree(left)
+        for left in out.iterdir():
+            if _LEFT.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left)
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
         for n in sorted({*range(count)} - {*missing}):
             _require_whole(out / name_of(n))
@@ -271,7 +278,9 @@ def _make(
         _write(begun / SUMMARY, summary)
         write_manifest(world.site, begun, exports=exports, altered={})
         share((path for path in sorted(begun.rglob("*")) if path.is_file()), out / POOL)
+        write_through(begun)
         begun.rename(out / name_of(number))
+        sync(out)
     except BaseException:
         shutil.rmtree(begun, ignore_errors=True)
         raise

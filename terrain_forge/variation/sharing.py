@@ -6,6 +6,7 @@ Each world stays a folder of its own that any program reads, that can be copied 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from hashlib import sha256
@@ -13,6 +14,8 @@ from pathlib import Path
 
 LEAST = 2048
 """Bytes from which on a file is worth a link."""
+_POOLED = re.compile(r"[0-9a-f]{32}(\..+)?")
+"""A file of the pool: a hash of what it holds, and an ending."""
 
 
 def share(files: Iterable[Path], pool: Path) -> None:
@@ -23,18 +26,26 @@ def share(files: Iterable[Path], pool: Path) -> None:
     for file in files:
         if file.is_symlink() or file.stat().st_size < LEAST:
             continue
-        kept = pool / f"{sha256(file.read_bytes()).hexdigest()[:32]}{file.suffix}"
+        content = file.read_bytes()
+        kept = pool / f"{sha256(content).hexdigest()[:32]}{file.suffix}"
         with suppress(OSError):
             try:
                 os.link(file, kept)
             except FileExistsError:
+                # What stands there may have been cut short with the power, or be another's.
+                same = _is_plain(kept) and kept.read_bytes() == content
+                source, target = (kept, file) if same else (file, kept)
                 one = file.with_name(f".{file.name}-shared")
-                os.link(kept, one)
-                one.replace(file)
+                os.link(source, one)
+                one.replace(target)
 
 
 def drop_unshared(pool: Path) -> None:
     """Take out of the pool what only one folder has."""
     for file in pool.iterdir():
-        if file.stat().st_nlink <= 2:
+        if _POOLED.fullmatch(file.name) and _is_plain(file) and file.stat().st_nlink <= 2:
             file.unlink()
+
+
+def _is_plain(file: Path) -> bool:
+    return file.is_file() and not file.is_symlink()

@@ -12,6 +12,7 @@ import pytest
 
 from terrain_forge.base import DataError, OutputError
 from terrain_forge.building import (
+    finish,
     folder_state,
     read_manifest,
     replacing,
@@ -441,3 +442,79 @@ def test_added_and_edited_files_are_named_together_and_a_recording_as_one_thing(
     told = f"{recorded}, {mine}.txt, geotiff/elevation.tif, notes.txt"
     assert f"removed from {world}: {told}\n" in done.stdout
     assert not (world / "dataset").exists()
+
+
+def left_whole(target: Path, gone: str = "[]") -> Path:
+    """A world, and its changed copy as a killed process leaves it; returns the copy."""
+    write(target, number=1)
+    copy = target / ".terrain-forge" / "whole" / target.name
+    copy.mkdir(parents=True)
+    fill(copy, number=2)
+    (copy.parent / "gone.json").write_text(gone)
+    (copy.parents[1] / "lock").write_bytes(MARK)
+    return copy
+
+
+def home_of(folder: Path) -> Path:
+    (folder / "home" / "sub").mkdir(parents=True)
+    (folder / "home" / "sub" / "world.txt").write_text("precious")
+    return folder / "home"
+
+
+def test_a_copy_left_whole_takes_no_place_through_a_link(tmp_path):
+    home, target = home_of(tmp_path), tmp_path / "out"
+    left_whole(target)
+    shutil.rmtree(target / "sub")
+    (target / "sub").symlink_to(home / "sub")
+    with pytest.raises(OutputError, match=r"out/sub is in the way"):
+        finish(target)
+    assert (home / "sub" / "world.txt").read_text() == "precious"
+    (target / "sub").unlink()
+    finish(target)
+    assert content(target) == "world 2\n"
+
+
+@pytest.mark.parametrize("name", ["old", "next", "whole", "whole/out"])
+def test_no_part_of_a_staging_folder_is_a_link(tmp_path, name):
+    home, target = home_of(tmp_path), tmp_path / "out"
+    left_whole(target)
+    place = target / ".terrain-forge" / name
+    shutil.rmtree(place, ignore_errors=True)
+    place.symlink_to(home)
+    with updating(target):
+        pass
+    assert content(target) == ("world 2\n" if name in ("old", "next") else "world 1\n")
+    assert [path.name for path in home.rglob("*")] == ["sub", "world.txt"]
+
+
+@pytest.mark.parametrize("gone", ["", "[", "5", "[1]", "[" * 9000])
+def test_a_damaged_list_of_what_is_to_go_is_told(tmp_path, gone):
+    target = tmp_path / "out"
+    copy = left_whole(target, gone)
+    with pytest.raises(OutputError, match=r"whole is damaged: gone\.json .*; move it away"):
+        finish(target)
+    (copy.parent / "gone.json").unlink()
+    os.mkfifo(copy.parent / "gone.json")
+    with pytest.raises(OutputError, match=r"gone\.json"):
+        finish(target)
+    assert (target / "sub" / "world.txt").read_text() == "world 1\n"
+
+
+def test_a_lock_that_is_a_pipe_is_a_user_s(tmp_path):
+    target = tmp_path / "out"
+    write(target, number=1)
+    (target / ".terrain-forge").mkdir()
+    os.mkfifo(target / ".terrain-forge" / "lock")
+    with pytest.raises(OutputError, match="in the way"), updating(target):
+        pass
+
+
+def test_an_assessment_is_not_written_through_a_link_in_its_folder(world):
+    """Not even where the manifest lists the link as the file that it leads to."""
+    (mine := world.parent / "mine").write_bytes((world / "validation/report.json").read_bytes())
+    (world / "validation/report.json").unlink()
+    (world / "validation/report.json").symlink_to(mine)
+    before = mine.stat()
+    done = run("validate", world, "--quick")
+    assert (done.returncode, "is a link" in done.stderr) == (2, True)
+    assert (mine.stat().st_mtime_ns, mine.stat().st_nlink) == (before.st_mtime_ns, 1)

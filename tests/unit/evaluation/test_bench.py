@@ -381,3 +381,14 @@ def test_an_installation_removes_only_what_an_earlier_one_made(tmp_path, monkeyp
     with pytest.raises(DataError, match="mine is no environment that was made here"):
         install_system(find_system(str(path)))
     assert notes.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["slam", "slam/noisy_1", "slam/inputs"])
+def test_results_are_not_written_behind_a_link(dataset, system, tmp_path, name):
+    (home := tmp_path / "home").mkdir()
+    (home / "noisy.tum").write_text("mine")
+    (dataset / name).parent.mkdir(exist_ok=True)
+    (dataset / name).symlink_to(home)
+    with pytest.raises(OutputError, match=f"{name} is a link"):
+        evaluate_recording(dataset, [find_system(system("noisy", _NOISY))])
+    assert [path.read_text() for path in home.iterdir()] == ["mine"]

@@ -7,7 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from terrain_forge import DataError, RecipeError, TerrainForgeError, load_recipe, plan
+from terrain_forge import (
+    DataError,
+    RecipeError,
+    TerrainForgeError,
+    load_recipe,
+    plan,
+    save_recipe,
+)
 from terrain_forge.recipe import export_orders, recipe_from_json, recipe_json
 from tests.helpers.places import ROOT
 
@@ -222,3 +229,11 @@ def test_changes_of_the_command_line(tmp_path):
 def test_a_saved_recipe_that_is_no_json_is_one_line():
     with pytest.raises(DataError, match=r"its recipe is no JSON: Expecting .* column 14"):
         recipe_from_json('{"name": "a" "b"}')
+
+
+def test_a_recipe_that_cannot_be_written_leaves_the_file_as_it_was(tmp_path):
+    path = write(tmp_path)
+    before = path.read_text(encoding="utf-8")
+    with pytest.raises(Exception, match="surrogates"):
+        save_recipe(replace(load_recipe(path).recipe, name="\ud800"), path)
+    assert path.read_text(encoding="utf-8") == before

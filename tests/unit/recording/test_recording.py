@@ -15,7 +15,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import terrain_forge as tf
-from terrain_forge.base import RecipeError, StorageError, mix
+from terrain_forge.base import OutputError, RecipeError, StorageError, mix
 from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
 from terrain_forge.datasets.formats.calibration import Calibration
@@ -501,3 +501,11 @@ def test_another_process_that_writes_is_respected(world, tmp_path):
     with holding(tmp_path), pytest.raises(tf.OutputError, match="by another terrain-forge"):
         tf.record(world, tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_is_not_made_behind_a_link(world, tmp_path):
+    (tmp_path / "home").mkdir()
+    (tmp_path / "dataset").symlink_to("home")
+    with pytest.raises(OutputError, match="dataset is a link"):
+        tf.record(world, tmp_path)
+    assert not list((tmp_path / "home").iterdir())

@@ -26,3 +26,60 @@ def test_a_list_that_is_none_is_in_the_way(tmp_path):
     os.mkfifo(path)
     with pytest.raises(OutputError, match="is in the way"):
         Store(tmp_path)
+
+
+def listed(folder, *lines):
+    """A recording's folder with a list of these lines, beside a folder of a user's."""
+    home = folder / "home"
+    (home / "Documents").mkdir(parents=True)
+    (home / "Documents" / "thesis").write_text("mine")
+    dataset = folder / "dataset"
+    dataset.mkdir()
+    (dataset / WRITTEN).write_text("\n".join(("#size [bytes],file", *lines, "")), encoding="utf-8")
+    return dataset, home / "Documents" / "thesis"
+
+
+@pytest.mark.parametrize("line", ["0,x/Documents/", "4,x/Documents/thesis", "1,x/new/file"])
+def test_what_is_listed_behind_a_link_stays(tmp_path, line):
+    dataset, thesis = listed(tmp_path, line)
+    (dataset / "x").symlink_to("../home")
+    with pytest.raises(OutputError, match=r"dataset/x is a link"), Store(dataset) as store:
+        store.clear()
+    assert thesis.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["./", ".", "", "/", "a/..", "../home/", "x//", "./x"])
+def test_names_that_are_no_place_of_their_own_are_passed_over(tmp_path, name):
+    dataset, thesis = listed(tmp_path, f"0,{name}")
+    (dataset / "notes").write_text("mine")
+    with Store(dataset) as store:
+        store.clear()
+    assert (dataset / "notes").read_text() == thesis.read_text() == "mine"
+
+
+def test_nothing_is_written_through_links(tmp_path):
+    dataset, thesis = listed(tmp_path)
+    (dataset / "mav0").symlink_to(thesis.parent)
+    (dataset / ".writing").symlink_to(thesis)
+    with Store(dataset) as store:
+        with pytest.raises(OutputError, match="mav0 is a link"):
+            store.put("mav0/data.csv", b"ours")
+        with pytest.raises(OutputError, match="mav0 is a link"):
+            store.free_folder("mav0")
+        store.put("a/data.csv", b"ours")
+        store.settle()
+    assert thesis.read_text() == "mine"
+    assert [path.name for path in thesis.parent.iterdir()] == ["thesis"]
+    (dataset / WRITTEN).rename(tmp_path / "list")
+    (dataset / WRITTEN).symlink_to(tmp_path / "list")
+    with pytest.raises(OutputError, match="is in the way"):
+        Store(dataset)
+
+
+def test_a_file_is_on_the_disk_and_listed_there_before_it_takes_its_place(tmp_path, monkeypatch):
+    synced: set[int] = set()
+    for name in ("fsync", "fdatasync"):
+        monkeypatch.setattr(os, name, lambda handle: synced.add(os.fstat(handle).st_ino))
+    with Store(tmp_path) as store:
+        store.put("a.bin", b"ours")
+    assert {path.stat().st_ino for path in tmp_path.iterdir()} <= synced

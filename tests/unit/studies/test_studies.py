@@ -252,6 +252,19 @@ def test_a_folder_of_others_is_left_alone(written, tmp_path):
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.parametrize("name", ["", "slam", "dataset"])
+def test_cells_are_not_written_behind_a_link(written, tmp_path, name):
+    study = study_of(read_study(written()))
+    (home := tmp_path / "home").mkdir()
+    place = tmp_path / "out/cells" / study.cells[0].digest / name
+    place.parent.mkdir(parents=True)
+    place.symlink_to(home)
+    (tmp_path / "out/study.json").write_text('{"study": "slip"}')
+    with pytest.raises(OutputError, match=f"{place} is a link"):
+        run_study(written(), tmp_path / "out", jobs=1)
+    assert not list(home.iterdir())
+
+
 def test_the_list_tells_worlds_and_costs(written):
     done = run("study", written(), "--list")
     assert done.returncode == 0, done.stderr

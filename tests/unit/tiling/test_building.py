@@ -268,7 +268,7 @@ def test_a_site_is_begun_wholly_or_not_at_all(recipe, tmp_path, monkeypatch):
     assert [path.name for path in out.iterdir()] == ["site"]
 
 
-@pytest.mark.parametrize("name", ["geotiff/slope.vrt", "truth", "report.html"])
+@pytest.mark.parametrize("name", ["geotiff/slope.vrt", "truth", "report.html", "tiles/001"])
 @pytest.mark.parametrize("pipe", [False, True])
 def test_links_and_pipes_are_not_written_to(built, recipe, tmp_path, name, pipe):
     out = shutil.copytree(built, tmp_path / "six")

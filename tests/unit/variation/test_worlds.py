@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -99,6 +100,50 @@ def test_a_killed_series_goes_on_to_the_same_bytes(made: Path, tmp_path: Path) -
     result = worlds(path, out, workers=2)
     assert (result.made, len(result.folders), result.failed) == (3, 4, ())
     assert contents(out) == contents(made)
+
+
+def test_only_what_a_killed_one_left_is_cleared(made: Path, tmp_path: Path) -> None:
+    out = shutil.copytree(made, tmp_path / "out")
+    kept = (tmp_path / "home", out / ".begun-notes", out / "shared" / "notes.txt")
+    for folder in kept[:2]:
+        folder.mkdir()
+        (folder / "file").write_text("mine")
+    kept[2].write_text("mine")
+    (out / ".begun-00001-1").symlink_to(tmp_path / "home")
+    (out / ".begun-00002-1").mkdir()
+    assert worlds(recipe(tmp_path), out, workers=0).made == 0
+    assert not (out / ".begun-00002-1").exists()
+    assert all(path.exists() for path in (*kept, out / ".begun-00001-1", kept[0] / "file"))
+
+
+def test_what_is_shared_does_not_lie_behind_a_link(made: Path, tmp_path: Path) -> None:
+    out = shutil.copytree(made, tmp_path / "out")
+    (out / "shared").rename(tmp_path / "home")
+    (out / "shared").symlink_to(tmp_path / "home")
+    before = sorted((tmp_path / "home").iterdir())
+    with pytest.raises(tf.OutputError, match="shared is a link"):
+        worlds(recipe(tmp_path), out, workers=0)
+    assert sorted((tmp_path / "home").iterdir()) == before
+
+
+def test_what_was_cut_short_among_what_is_shared_is_not_taken(made: Path, tmp_path: Path) -> None:
+    (tmp_path / "out" / "shared").mkdir(parents=True)
+    for path in (made / "shared").iterdir():
+        (tmp_path / "out" / "shared" / path.name).touch()  # as a power cut leaves it
+    shutil.copyfile(made / "worlds.json", tmp_path / "out" / "worlds.json")
+    assert contents(worlds(recipe(tmp_path), tmp_path / "out", workers=0).directory) == contents(
+        made
+    )
+
+
+def test_a_world_is_on_the_disk_before_it_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: set[int] = set()
+    monkeypatch.setattr("os.fsync", lambda handle: synced.add(os.fstat(handle).st_ino))
+    out = worlds(recipe(tmp_path), tmp_path / "out", count=1, workers=0).directory
+    world = out / name_of(0)
+    assert {path.stat().st_ino for path in (out, world, *world.rglob("*"))} <= synced
 
 
 def test_an_interrupt_tells_what_is_there(tmp_path: Path) -> None:
