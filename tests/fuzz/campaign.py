@@ -31,9 +31,10 @@ from tests.fuzz.files import (
 )
 from tests.fuzz.kills import Kills
 from tests.fuzz.recipes import Recipes, put_traps
+from tests.fuzz.traps import Traps
 
 CORPUS = Path(__file__).parent / "corpus"
-KINDS = {"recipes": 20, "files": 18, "worlds": 8, "arguments": 3, "kills": 1}
+KINDS = {"recipes": 19, "files": 17, "worlds": 8, "arguments": 3, "traps": 2, "kills": 1}
 """Kinds of inputs, and how many of each there are among fifty: a kill takes as long as a hundred
 recipes."""
 _COST = re.compile(r"^cost +([\d.e+-]+) M nodes, ([\d.e+-]+) k rocks.*?: about (\d+) s", re.M)
@@ -106,14 +107,15 @@ class Campaign:
         (self._place / "good").mkdir()
         good = {**samples.of_rocks(samples.STONES), "paths": [samples.WAY]}
         trial.warm_up(samples.write_recipe(good, self._place))
-        self._writers: dict[str, Recipes | Files | Worlds | Arguments] = {
+        self._writers: dict[str, Recipes | Files | Worlds | Arguments | Traps] = {
             "recipes": Recipes(self._rng),
             "files": Files(self._rng, self._place / "good"),
         }
-        if {"worlds", "kills", "arguments"} & {*kinds}:
+        if {"worlds", "kills", "arguments", "traps"} & {*kinds}:
             folders = self._good_folders()
             self._writers["worlds"] = Worlds(self._rng, folders)
             self._writers["arguments"] = Arguments(self._rng, self._place / "recorded")
+            self._writers["traps"] = self._traps = Traps(self._rng, folders)
             self._kills = Kills(self._rng, self._place / "built", timed=timed)
         trial.load_kernels()
 
@@ -221,13 +223,17 @@ class Campaign:
             arguments = self._writers[kind].write(folder)
             command = " ".join(arguments)
             found = self._judged(kind, arguments, folder)
+            if kind == "traps":
+                found += self._traps.sprung(folder)
         for fault in found:
             self._save(f"{kind}: {fault}", command, folder)
         shutil.rmtree(folder)
 
     def _judged(self, kind: str, arguments: tuple[str, ...], folder: Path) -> list[str]:
-        built = kind in ("worlds", "arguments")
-        allowed = (0, 1, 2) if built else (0, 2)
+        built = kind in ("worlds", "arguments", "traps")
+        allowed = {"worlds": (0, 1, 2), "arguments": (0, 1, 2), "traps": (0, 1, 2, 3)}.get(
+            kind, (0, 2)
+        )
         before = {path.name for path in folder.iterdir()}
         ended = trial.run(arguments, folder)
         self._note(kind, ended)
