@@ -127,10 +127,11 @@ def write_dataset(
         recording = open_recording(recording)
     writer.check(recording, chosen)
     target = resolved(folder)
-    around = require_unlinked(target.parent, f".{target.name}.part")
+    around = target.with_name(f".{target.name}.part")
     fresh = around / target.name
     with storing(target, target.parent):
         _require_free(target, recording)
+        require_unlinked(around.parent, around.name)
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)
