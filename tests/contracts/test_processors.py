@@ -96,7 +96,6 @@ def test_a_world_is_the_same_in_another_process_without_avx512(own, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", ["x86-64-v3", "znver3"])
-def test_kernels_compiled_for_other_processors_make_the_same_world(own, tmp_path, target):
-    other = built(tmp_path, NUMBA_CPU_NAME=target, OPENBLAS_CORETYPE="Zen")
+def test_kernels_compiled_for_other_processors_make_the_same_world(own, tmp_path):
+    other = built(tmp_path, NUMBA_CPU_NAME="x86-64-v3", OPENBLAS_CORETYPE="Zen")
     assert differing(own, other) == []

@@ -347,7 +347,7 @@ def test_a_system_without_its_sensors_is_refused_before_any_work(written, tmp_pa
 
 @pytest.mark.slow
 def test_killed_it_goes_on_and_finds_the_same(written, tmp_path):
-    file, out = written(), tmp_path / "out"
+    file, out = written(("seeds: 2", "seeds: 1")), tmp_path / "out"
     words = [
         sys.executable,
         "-m",
