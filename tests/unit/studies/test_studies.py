@@ -380,7 +380,7 @@ def test_killed_it_goes_on_and_finds_the_same(written, tmp_path):
     assert json.loads((out / "study.json").read_text())["study"] == "slip"
     assert "<h1>slip</h1>" in (out / "study.html").read_text()
     assert (out / "effect_2.png").is_file()
-    assert len(list((out / "cells").iterdir())) == 8
+    assert len(list((out / "cells").iterdir())) == 4
 
 
 def _content(path):
