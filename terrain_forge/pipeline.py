@@ -443,7 +443,7 @@ def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     site = making.plan(recipe, folder=folder)
     if site.recipe.tiles is not None:
         tiling.require_tiles(site.recipe, orders)
-        tiling.require_room(site)
+        tiling.require_large_tiles(site)
     yield from building.site_lines(site, orders)
     if recipe.sensors is not None or recipe.dataset is not None:
         rover = rover_of(site)

@@ -65,8 +65,8 @@ def collision(
         soft = element("drake:compliant_hydroelastic")
         damping = element("drake:hunt_crossley_dissipation", DISSIPATION)
         contact = [soft, element("drake:hydroelastic_modulus", modulus), damping]
-    grip = leaves(**{"drake:mu_dynamic": friction, "drake:mu_static": friction})
-    properties = element("drake:proximity_properties", *contact, *grip)
+    surface = leaves(**{"drake:mu_dynamic": friction, "drake:mu_static": friction})
+    properties = element("drake:proximity_properties", *contact, *surface)
     return element("collision", *_solid(pose, uri, scale, *hints), properties, name=name)
 
 

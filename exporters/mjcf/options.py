@@ -34,7 +34,7 @@ class Options(Spec):
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     horizon: bool = True
-    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    """Whether what lies beyond the border is in it, out to the horizon; visual-only."""
     split_ground: bool = True
     """Whether the ground becomes small height fields under dynamic rocks that are wider than 4 of
     its cells. MuJoCo keeps 50 contacts with each field and drops the others, and a rock that lies

@@ -29,7 +29,7 @@ def write_usd(path: Path, rover: Rover, *, name: str, friction: float) -> None:
     stage = new_stage(path, name)
     root = stage.GetDefaultPrim()
     UsdPhysics.ArticulationRootAPI.Apply(root)
-    bind_friction(root, define_friction(stage, f"/{name}/Looks/grip", friction))
+    bind_friction(root, define_friction(stage, f"/{name}/Looks/friction", friction))
     for link in rover.links:
         _define_body(stage, name, link, rover.origins[link.name])
     UsdGeom.Scope.Define(stage, f"/{name}/Joints")

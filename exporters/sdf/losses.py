@@ -70,7 +70,7 @@ def list_losses(
         "SDF lights have no radiometric unit: the Sun shines with 1, its "
         f"{world.lighting.irradiance:.0f} W/m² and its angular size are lost.",
         "Gazebo takes the smaller friction of two things that touch: a wheel keeps its own where "
-        "the surface grips better.",
+        "the surface has more friction.",
         *(heightmap_losses(heightmap, world.ground) if heightmap else ()),
         texture_loss(world.ground, options.texture_pixels, normals=normals),
     ]

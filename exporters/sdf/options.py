@@ -50,7 +50,7 @@ class Options(Spec):
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     horizon: bool = True
-    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    """Whether what lies beyond the border is in it, out to the horizon; visual-only."""
     normal_maps: bool = True
     """Whether ground and rocks get normal maps of what is finer than they are; `gz` only, Classic
     has none."""

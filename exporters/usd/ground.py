@@ -97,7 +97,7 @@ def write_patch(
 
 
 def write_horizon(horizon: Horizon, detail: GroundDetail | None, assets: Path) -> None:
-    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, for the eye.
+    """Write `assets`/horizon.usdc and its picture: what lies beyond the border, visual-only.
 
     Its soil is that of the ground's `detail`, if it has one.
     """

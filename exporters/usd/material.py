@@ -26,7 +26,7 @@ def define_textured(
 ) -> UsdShade.Material:
     """A matt material that shows an sRGB image at `scale` · st + `offset`.
 
-    Without friction it is for the eye alone. Beyond the image's edge lies the image again (`wrap`
+    Without friction it is visual-only. Beyond the image's edge lies the image again (`wrap`
     is `repeat`) or its rim (`clamp`); its linear light is multiplied by `factor`.
     """
     plain = friction is None

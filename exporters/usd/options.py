@@ -33,7 +33,7 @@ class Options(Spec):
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     horizon: bool = True
-    """Whether what lies beyond the border is in it, out to the horizon, for the eye alone."""
+    """Whether what lies beyond the border is in it, out to the horizon; visual-only."""
     lights: Literal["display", "physical"] = "display"
     """How bright Sun and sky are: `display` opens well exposed, `physical` is as in nature, which
     wants a viewer whose exposure can be set."""

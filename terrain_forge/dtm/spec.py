@@ -137,7 +137,7 @@ class ArrayDtm(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class HorizonSpec(Spec):
-    """What lies beyond the site, for the eye and for lidars; nothing of it is ever touched."""
+    """What lies beyond the site, for cameras and lidars; nothing of it is ever touched."""
 
     dtm: Annotated[str, MinLen(1), InputFile(kind="dtm")] | None = None
     """A second, coarser terrain model that goes on where the site's own ends, such as a global one:

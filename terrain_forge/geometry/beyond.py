@@ -144,7 +144,7 @@ def with_horizon_loss(
     if horizon is None:
         return report
     loss = (
-        "What lies beyond the border is for the eye alone: its colours are those of its vertices, "
+        "What lies beyond the border is visual-only: its colours are those of its vertices, "
         "without the fine texture of the ground within."
         if shown
         else "What lies beyond the border is left out."

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel, portable
-from terrain_forge.geometry.rock_looks import skin
+from terrain_forge.geometry.rock_materials import skin
 from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
 from terrain_forge.writers import Gltf, index_corners, vertex_normals, write_obj
 

@@ -102,7 +102,7 @@ class Wheel(Record):
     width: float
     """Width [m]."""
     grousers: Grousers | None = None
-    """What it grips with; None for a smooth tread."""
+    """Its grousers; None for a smooth tread."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

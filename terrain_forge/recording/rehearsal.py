@@ -42,7 +42,7 @@ def rehearse(work: Work, store: Store, formats: Mapping[str, Mapping[str, Any]])
     """
     firsts = _first_measurements(work) if work.tasks or formats else []
     lacking = _lacking(formats, firsts, work) if formats else {}
-    _require_room(store, firsts, work, formats=len(formats) - len(lacking))
+    _require_disk_space(store, firsts, work, formats=len(formats) - len(lacking))
     return lacking
 
 
@@ -82,7 +82,7 @@ def _lacking(
     return found
 
 
-def _require_room(
+def _require_disk_space(
     store: Store, firsts: Sequence[tuple[Task, dict[str, bytes]]], work: Work, *, formats: int
 ) -> None:
     """Refuse a disk that is too small; each further format is about as large as the recording."""

@@ -8,13 +8,13 @@ from .bodies import PlacedBodies as PlacedBodies
 from .bodies import cast_with_bodies as cast_with_bodies
 from .bodies import meet8 as meet8
 from .bodies import shade8 as shade8
+from .borrowing import borrow as borrow
 from .camera import pinhole_camera as pinhole_camera
 from .embree import COHERENT as COHERENT
 from .embree import INCOHERENT as INCOHERENT
 from .engine import before_compiling as before_compiling
 from .engine import engine_name as engine_name
 from .grain import ground_grain as ground_grain
-from .lending import borrow as borrow
 from .looking import look as look
 from .packets import ACTIVE as ACTIVE
 from .packets import COPY as COPY

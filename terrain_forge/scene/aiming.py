@@ -171,7 +171,7 @@ def packet_room(count):  # type: ignore[no-untyped-def]
 
 @inner
 def keep(memory, poses, workspace):  # type: ignore[no-untyped-def]
-    """Use arrays that were lent until here, or they would be given back after the loan."""
+    """Use arrays that were borrowed until here, or their owner would free them too early."""
     memory[0, 0, 0], poses[0, 0, 0], workspace[0] = _0, 0.0, _0
 
 

@@ -20,8 +20,8 @@ from terrain_forge.scene.aiming import (
     send,
     slopes,
 )
+from terrain_forge.scene.borrowing import borrow
 from terrain_forge.scene.lanes import DIRECT, REST, STEP, WORKSPACE, meet
-from terrain_forge.scene.lending import borrow
 from terrain_forge.scene.packets import FAR, LANES, hit_rock
 from terrain_forge.scene.shining import shine
 

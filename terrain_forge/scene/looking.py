@@ -29,10 +29,10 @@ from terrain_forge.scene.aiming import (
     send,
     slopes,
 )
+from terrain_forge.scene.borrowing import borrow
 from terrain_forge.scene.edges import find_edges, pair, refine, spread
 from terrain_forge.scene.embree import COHERENT
 from terrain_forge.scene.lanes import DIRECT, OWNER, RANGE, REST, SMOOTH_X, STEP, WORKSPACE, meet
-from terrain_forge.scene.lending import borrow
 from terrain_forge.scene.packets import LANES, hit_rock
 from terrain_forge.scene.points import SIDE, add_points
 from terrain_forge.scene.relief import relief_about

@@ -6,7 +6,7 @@ import numpy as np
 
 from terrain_forge.base import inner, kernel
 from terrain_forge.scene.aiming import slopes
-from terrain_forge.scene.lending import borrow
+from terrain_forge.scene.borrowing import borrow
 
 SIDE = 32
 """Pixels along a side of the tiles that a picture is searched in."""

@@ -13,6 +13,6 @@ from .order import TileOrder as TileOrder
 from .order import is_site as is_site
 from .order import load_order as load_order
 from .order import order_tiles as order_tiles
-from .order import require_room as require_room
+from .order import require_large_tiles as require_large_tiles
 from .order import require_tiles as require_tiles
 from .order import require_whole as require_whole

@@ -156,7 +156,7 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
         RecipeError: as `require_tiles`, or for tiles smaller than what lies in them.
     """
     require_tiles(site.recipe, orders)
-    _require_room(site, find_library(site.recipe.rocks.library, custom=site.meshes))
+    _require_large_tiles(site, find_library(site.recipe.rocks.library, custom=site.meshes))
     grid = TileGrid.of(site, tile_cells(site.recipe))
     exports = tuple(
         Export(folder=order.folder, kind=order.kind, options=plain_options(order.options))
@@ -165,7 +165,7 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
     return TileOrder(out=out, site=site, grid=grid, exports=exports)
 
 
-def require_room(site: Site) -> None:
+def require_large_tiles(site: Site) -> None:
     """Refuse tiles smaller than what lies in them, by as many shapes as are made in a moment.
 
     Raises:
@@ -173,10 +173,10 @@ def require_room(site: Site) -> None:
             reaches still farther.
     """
     library = site.recipe.rocks.library
-    _require_room(site, find_library(library.sample(), custom=site.meshes))
+    _require_large_tiles(site, find_library(library.sample(), custom=site.meshes))
 
 
-def _require_room(site: Site, library: RockLibrary) -> None:
+def _require_large_tiles(site: Site, library: RockLibrary) -> None:
     rocks, layers = site.recipe.rocks, site.recipe.terrain.layers
     margin = rock_margin(
         site=site, populations=rocks.populations, lists=rocks.lists, library=library

@@ -1,4 +1,4 @@
-"""Rocks beyond a world's border, for the eye and for lidars, by the recipe's laws."""
+"""Rocks beyond a world's border, for cameras and lidars, by the recipe's laws."""
 
 from __future__ import annotations
 

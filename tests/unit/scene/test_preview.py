@@ -165,7 +165,7 @@ def test_a_map_is_lit_alike_on_both_sides_of_the_border(small_world):
 
 
 def test_ground_beyond_the_border_is_as_rough_to_the_eye_as_that_within(small_world):
-    """Its rings hold no waves so short: what a pixel shows of them is made for the eye."""
+    """Its rings hold no waves so short: what a pixel shows of them has to be drawn."""
     grey = np.full_like(small_world.appearance.ground_rgb, 107)
     rows, columns = grey.shape[:2]
     spacing = small_world.ground.spacing

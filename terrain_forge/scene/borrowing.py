@@ -1,4 +1,4 @@
-"""Arrays lent to kernels."""
+"""Arrays that kernels borrow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numba.extending import intrinsic
 
 
 def _borrow(_typing, members):  # type: ignore[no-untyped-def]
-    """The tuple or named tuple with all its arrays lent."""
+    """The tuple or named tuple with all its arrays borrowed."""
 
     def build(context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
         loan = arguments[0]
@@ -28,5 +28,6 @@ borrow: Any = intrinsic(_borrow)
 """A tuple's arrays handed to kernels without their owner.
 
 Numba counts references to an array at every call that takes it, atomically; in a renderer of many
-small functions that costs more than the shading. A lent array is not counted: the caller keeps it.
+small functions that costs more than the shading. A borrowed array is not counted: the caller
+keeps it.
 """
