@@ -147,6 +147,10 @@ def site_facts(site: Site) -> list[str]:
     return facts
 
 
+LONGEST_HIDDEN = 8
+"""Waves [posts] above which what noise hides is a guess; roughness is fitted over 1 and 2."""
+
+
 def site_warnings(site: Site) -> list[str]:
     """What a user should know of the ground that a site's DTM makes."""
     dtm, roughness = site.dtm, site.roughness
@@ -164,6 +168,13 @@ def site_warnings(site: Site) -> list[str]:
         found.append(
             f"the DTM had noise of {_metres(dtm.noise)} RMS, which was taken away: heights are the "
             "DTM's within that only; dtm.noise: keep leaves it in, a figure says how much it is"
+        )
+    if dtm.hidden > LONGEST_HIDDEN * dtm.posting:
+        found.append(
+            f"that noise hid all waves up to {_metres(dtm.hidden)}, {dtm.hidden / dtm.posting:.2g} "
+            f"posts, where roughness is fitted over 1 and 2: the ground's waves up to "
+            "there are all made as the longer ones tell; a mare whose craters end there came out "
+            "up to 62 % too rough (docs/terrain.md)"
         )
     if roughness.exponent is not None:
         fitted, error = roughness.exponent

@@ -185,7 +185,11 @@ def _without_noise(
     )
     heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"))
     repairs = (*patch.repairs, told)
-    return patch.replace(heights=heights, repairs=repairs, noise=floor.deviation), floor
+    hidden = floor.longest * patch.posting
+    denoised_patch = patch.replace(
+        heights=heights, repairs=repairs, noise=floor.deviation, hidden=hidden
+    )
+    return denoised_patch, floor
 
 
 def _with_means(patch: DtmPatch) -> DtmPatch:

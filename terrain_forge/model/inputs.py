@@ -35,6 +35,8 @@ class DtmPatch(Record):
     gaps of stereo images do, 0 to 1."""
     noise: float = 0.0
     """RMS noise that was found in the DTM and taken away [m]."""
+    hidden: float = 0.0
+    """Longest wavelength at which that noise hid the ground [m]; 0 without noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -242,3 +242,14 @@ def test_detail_is_no_steeper_than_loose_ground_rests():
         Fractal().variation(site),
         Fractal().variation(site.replace(body=MARS.replace(repose=None))),
     )
+
+
+@pytest.mark.parametrize(("deviation", "warned"), [(0.35, True), (0.05, False)])
+def test_ground_that_lies_wholly_below_the_noise_is_warned_of(deviation, warned):
+    truth = clean("moon_mare_synthetic.tif", 1)
+    site = planned(truth + matcher_noise(truth.shape, deviation, 3), 2.0, noise=deviation)
+    words = [text for text in site_warnings(site) if "hid all waves" in text]
+    assert len(words) == warned
+    assert (site.dtm.hidden > 16.0) == warned
+    for text in words:
+        assert f"up to {site.dtm.hidden:.3g} m" in text
