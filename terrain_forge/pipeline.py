@@ -7,16 +7,22 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from terrain_forge import building, making, recording, report, tiling, validation, variation
 from terrain_forge.base import (
+    Coordinate,
     OutputError,
+    Pair,
+    PositivePair,
     Progress,
+    RecipeError,
     Stopwatch,
+    checked,
     compile_ahead,
+    hint_at,
     require_scheduler,
     resolved,
 )
@@ -54,6 +60,7 @@ def export_stages(only: tuple[str, ...]) -> tuple[str, ...]:
     return ("load", *(f"export {folder}" for folder in only), *ASSESSING)
 
 
+@checked
 def realise(
     site: Site,
     window: Window | None = None,
@@ -88,6 +95,7 @@ def realise(
         return making.make_world(site, part, settled=settled, horizon=horizon, progress=watch)
 
 
+@checked
 def build(
     recipe: Recipe | RecipeFile | Path | str,
     out: Path | str | None = None,
@@ -165,6 +173,7 @@ def build(
     )
 
 
+@checked
 def write_world(
     world: World,
     out: Path | str,
@@ -211,12 +220,13 @@ def _write_whole(
     return exports, report.assess(world, directory, exports=exports, watch=watch)
 
 
+@checked
 def cut(
     site: Path | str,
     out: Path | str,
     *,
-    centre: tuple[float, float],
-    size: tuple[float, float],
+    centre: Pair,
+    size: PositivePair,
     only: tuple[str, ...] | str | None = None,
     force: bool = False,
     progress: Progress | bool = False,
@@ -248,6 +258,7 @@ def cut(
         return write_world(world, out, exports=exports, force=force, progress=watch)
 
 
+@checked
 def export(
     out: Path | str,
     only: tuple[str, ...] | str,
@@ -308,6 +319,7 @@ def export(
     return all(name in older and not name.startswith(mine) for name in failed)
 
 
+@checked
 def validate(
     out: Path | str,
     *,
@@ -362,12 +374,13 @@ def validate(
             )
 
 
+@checked
 def record(
     world: World | Path | str,
     out: Path | str | None = None,
     *,
-    begin: float = 0.0,
-    end: float | None = None,
+    begin: Coordinate = 0.0,
+    end: Coordinate | None = None,
     only: tuple[str, ...] | str = (),
     workers: int | None = None,
     force: bool = False,
@@ -413,7 +426,7 @@ def record(
             building.require_readable_recipe(world, place, exports=False)
         if out is None:
             raise OutputError("a world in memory is recorded into a folder: name one as `out`")
-        spec = replace(world.site.recipe.dataset or DatasetSpec(), **changes)
+        spec = _changed(world.site.recipe.dataset or DatasetSpec(), changes)
         from terrain_forge.report import renew_report_page
 
         out = resolved(out)
@@ -424,6 +437,16 @@ def record(
         return recorded
 
 
+def _changed(spec: DatasetSpec, changes: dict[str, Any]) -> DatasetSpec:
+    """What is recorded, with some fields that differ; raises RecipeError for one that is none."""
+    known = {one.name for one in fields(spec)}
+    for name in sorted(changes.keys() - known):
+        allowed = ", ".join(sorted(known))
+        raise RecipeError(f"record: unknown {name!r}{hint_at(name, known)}, allowed: {allowed}")
+    return replace(spec, **changes)
+
+
+@checked
 def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".") -> Iterator[str]:
     """Lines that say what a recipe or its file will make; the DTM first, even if it cannot serve.
 

@@ -26,6 +26,7 @@ from .errors import StorageError as StorageError
 from .errors import TerrainForgeError as TerrainForgeError
 from .errors import hint_at as hint_at
 from .errors import reading as reading
+from .errors import warn_user as warn_user
 from .explaining import Complaint as Complaint
 from .explaining import complaint as complaint
 from .explaining import dotted as dotted
@@ -43,6 +44,7 @@ from .frames import xyzw as xyzw
 from .geometry import fibonacci_sphere as fibonacci_sphere
 from .geometry import rectangle_distance as rectangle_distance
 from .geometry import segment_square_distance as segment_square_distance
+from .given import checked as checked
 from .given import given_numbers as given_numbers
 from .given import require_measurement as require_measurement
 from .heap import heap_pop as heap_pop
@@ -109,6 +111,7 @@ from .specs import Pair as Pair
 from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
+from .specs import adapter_of as adapter_of
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
 from .specs import is_listed_name as is_listed_name

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 
+_PACKAGE = str(Path(__file__).parents[1])
 _LONGEST = 300
 """Characters of another library's message that are shown."""
 
@@ -54,6 +57,14 @@ class SimulationError(TerrainForgeError):
 
 class RecipeWarning(FutureWarning):
     """A recipe uses a key by its old name, or one that has no effect."""
+
+
+def warn_user(message: str) -> None:
+    """Warn of a recipe at the line of the first caller that is not of this package."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, RecipeWarning, stacklevel=level)
 
 
 @contextmanager

@@ -10,21 +10,13 @@ import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache, wraps
-from types import NoneType, UnionType
-from typing import (
-    Any,
-    ClassVar,
-    Literal,
-    Self,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Any, ClassVar, Self, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
+
+from terrain_forge.base.errors import DataError
+from terrain_forge.base.given import checked, is_of
 
 TYPES: dict[str, type[Record]] = {}
 R = TypeVar("R", bound="Record")
@@ -138,12 +130,31 @@ class Rows(Record):
     def __len__(self) -> int:
         return len(getattr(self, self.columns()[0]))
 
+    @checked
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Self:
-        """The rows of a mask or of an index array."""
+        """The rows of a mask or of an index array.
+
+        Raises:
+            DataError: if they are not of one dimension, or not among those that there are.
+        """
+        try:
+            taken = np.arange(len(self))[rows]
+        except IndexError as error:
+            raise DataError(f"{type(self).__name__}.select: {error}") from None
+        if taken.ndim != 1:
+            raise DataError(f"{type(self).__name__}.select: rows of shape {taken.shape}")
         return self.replace(**{name: getattr(self, name)[rows] for name in self.columns()})
 
     def joined(self, *others: Self) -> Self:
-        """These rows, and those of others after them."""
+        """These rows, and those of others after them.
+
+        Raises:
+            DataError: for what is of another type.
+        """
+        for other in others:
+            if not isinstance(other, type(self)):
+                found, own = type(other).__name__, type(self).__name__
+                raise DataError(f"{own}.joined: must be a {own}, found a {found}")
         parts = self, *others
         return self.replace(
             **{n: np.concatenate([getattr(part, n) for part in parts]) for n in self.columns()}
@@ -223,25 +234,6 @@ def _kinds(record: type[Record]) -> dict[str, Any]:
 
 
 def _require(where: str, value: Any, kind: Any) -> None:
-    if not _is_of(value, kind):
+    if not is_of(value, kind):
         wanted = getattr(kind, "__name__", str(kind)) if isinstance(kind, type) else str(kind)
         raise TypeError(f"{where}: {_short(value)}, expected {wanted}")
-
-
-def _is_of(value: Any, kind: Any) -> bool:
-    """Whether a value read from a file is of an annotated type, as a type checker would say."""
-    outer, inner = get_origin(kind), get_args(kind)
-    if kind is Any:
-        return True
-    if outer in (Union, UnionType):
-        return any(_is_of(value, one) for one in inner)
-    if outer is Literal:
-        return value in inner
-    if outer is tuple and isinstance(value, tuple):
-        each = inner[:1] * len(value) if inner[1:] == (...,) else inner
-        return len(value) == len(each) and all(map(_is_of, value, each))
-    if isinstance(value, bool):
-        return kind is bool
-    if kind is float:
-        return isinstance(value, int | float)
-    return isinstance(value, NoneType if kind is None else outer or kind)

@@ -8,11 +8,14 @@ matter. Signed lattice cells are zig-zag coded into the address.
 
 from __future__ import annotations
 
+from typing import Annotated
 from zlib import crc32
 
 import numpy as np
+from annotated_types import Ge
 from numba import uint64
 
+from terrain_forge.base.given import checked
 from terrain_forge.base.kernels import kernel
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -21,7 +24,8 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _MEAN_AT_ONCE = 512.0
 
 
-def stage_key(root: int, stage: str) -> np.uint64:
+@checked
+def stage_key(root: Annotated[int, Ge(0)], stage: str) -> np.uint64:
     """The 64-bit key of a named stage under the recipe's root seed."""
     sequence = np.random.SeedSequence(root, spawn_key=(crc32(stage.encode()),))
     return np.uint64(sequence.generate_state(1, np.uint64)[0])

@@ -7,14 +7,33 @@ docs/recipe.md.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Union, get_args
+from functools import cache
+from inspect import isfunction
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Self,
+    Union,
+    get_args,
+)
 
+import numpy as np
 from annotated_types import Interval, Len, MinLen, Predicate
 
 from terrain_forge.base.errors import RecipeError
+from terrain_forge.base.explaining import complaint
+from terrain_forge.base.given import checked, trusting
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 LEAST, MOST = 1e-12, 1e12
 """Smallest and largest number of a recipe that must be above 0: their squares can be computed."""
@@ -131,9 +150,37 @@ class Idle(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Spec:
-    """Base of all recipe parts: unknown keys are refused, no NaN or infinity."""
+    """Base of all recipe parts: unknown keys are refused, no NaN or infinity.
 
+    Nothing is checked when a spec is made in Python, but by `plan`, by a function that takes the
+    spec, and by its own public methods; it remembers that it was.
+    """
+
+    __slots__ = ("_checked",)  # beside the fields, so that `vars` and `asdict` don't see it
     __pydantic_config__: ClassVar[dict[str, object]] = _CONFIG
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for name, method in list(vars(cls).items()):
+            if isfunction(method) and not name.startswith("_"):
+                setattr(cls, name, checked(method))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self)
+
+    def sound(self) -> Self:
+        """The spec with its values as their types read them, lists as tuples.
+
+        Raises:
+            RecipeError: for the first value that its field does not allow.
+        """
+        known = getattr(self, "_checked", None)
+        if known is None:
+            known = _read_anew(self)
+            object.__setattr__(known, "_checked", True)
+            if known is not self:
+                object.__setattr__(self, "_checked", known)
+        return self if known is True or known is self else known
 
     def idle(self) -> Iterator[Idle]:
         """Its fields that change nothing beside its others; a spec says which, by default none."""
@@ -154,3 +201,39 @@ class Spec:
         for name, why, refused in self.idle():
             if refused and not self.is_default(name):
                 raise RecipeError(f"has no effect: {why}", key=(name,))
+
+
+@cache
+def adapter_of(spec: Any) -> TypeAdapter[Any]:
+    """Pydantic's view of a class of specs."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(spec)
+
+
+def _read_anew(spec: Any) -> Any:
+    """A spec as its JSON is read; as it is where its own types cannot be told.
+
+    Raises:
+        RecipeError: if a value is not allowed.
+    """
+    from pydantic import ValidationError
+    from pydantic.errors import PydanticUserError
+
+    try:
+        with trusting():  # what it makes of the values may use its own methods
+            kind: Any = type(spec)
+            adapter = adapter_of(kind)
+            # What is wrong is told by reading it back, not by warnings of the writer.
+            plain = adapter.dump_python(spec, mode="json", warnings=False, fallback=_plain)
+            return adapter.validate_json(json.dumps(plain), strict=True)
+    except PydanticUserError:  # of a class within a function, whose names only that knows
+        return spec
+    except ValidationError as error:
+        told = complaint(error, adapter, plain)
+        raise RecipeError(f"{type(spec).__name__}: {told}", key=told.key) from None
+
+
+def _plain(value: Any) -> Any:
+    """What JSON holds of a value that it does not know."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)

@@ -16,6 +16,7 @@ from terrain_forge.base import (
     Array,
     DataError,
     ExportError,
+    checked,
     portable,
     read_lines,
     read_text,
@@ -271,6 +272,7 @@ def _at_once(one: RecordedSensor, other: RecordedSensor) -> bool:
     return np.array_equal(one.stamps, other.stamps)
 
 
+@checked
 def open_recording(folder: Path | str) -> Recording:
     """A recorded dataset; pictures, sweeps and tables are read when they are asked for.
 

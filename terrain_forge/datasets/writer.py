@@ -16,6 +16,7 @@ from terrain_forge.base import (
     Progress,
     RecipeError,
     Spec,
+    checked,
     complaint,
     hint_at,
     parts,
@@ -97,6 +98,7 @@ def dataset_kind(name: str) -> type[DatasetWriter]:
     return known[name]
 
 
+@checked
 def write_dataset(
     recording: Recording | Path | str,
     kind: str,

@@ -12,6 +12,7 @@ from terrain_forge.base import (
     Array,
     DataError,
     Record,
+    checked,
     matrix_from_quaternion,
     portable,
     quaternion_from_matrix,
@@ -79,6 +80,7 @@ class TimedPoses(Record):
         return self.replace(time=time, position=place, quaternion=quaternion)
 
 
+@checked
 def read_poses(path: Path | str, *, name: str = "", euroc: bool | None = None) -> TimedPoses:
     """Read a trajectory in the TUM format, `time x y z qx qy qz qw` a line, or EuRoC's CSV.
 

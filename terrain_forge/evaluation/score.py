@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, NotNegative, Positive, Record, Spec, portable
+from terrain_forge.base import Array, NotNegative, Positive, Record, Spec, checked, portable
 from terrain_forge.evaluation.alignment import Association, By, Part, aligned, associate
 from terrain_forge.evaluation.poses import TimedPoses
 
@@ -123,6 +123,7 @@ def spread(errors: Array) -> Spread | None:
     )
 
 
+@checked
 def score_poses(
     truth: TimedPoses, estimate: TimedPoses, options: ScoreOptions | None = None
 ) -> Score:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, write_whole
+from terrain_forge.base import OutputError, checked, write_whole
 from terrain_forge.evaluation.score import Score, Spread
 from terrain_forge.writers import quoted
 
@@ -61,6 +61,7 @@ def _figure(score: Score, what: str) -> float | None:
     return found if not part or found is None else float(getattr(found, part))
 
 
+@checked
 def score_lines(scores: Sequence[Score]) -> list[str]:
     """The table as text; columns that are empty in all rows are left out."""
     return table_lines(score_rows(scores))
@@ -106,6 +107,7 @@ def require_no_tables(folder: Path) -> None:
         )
 
 
+@checked
 def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = ()) -> list[Path]:
     """Write evaluation.json, evaluation.csv and evaluation.tex; returns them."""
     whole = {

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Progress, reading, silent
+from terrain_forge.base import Progress, checked, reading, silent
 from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
 from terrain_forge.making.lighting import light_of
 from terrain_forge.model import BODIES, Body, Route, Rover, Site, Table
@@ -20,7 +20,6 @@ from terrain_forge.recipe import (
     RecipeFile,
     given_recipe,
     in_tiles,
-    recipe_from_json,
     recipe_json,
     require_centre,
     require_lattice,
@@ -93,8 +92,7 @@ def draft(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     Raises:
         RecipeError, DataError: if it cannot be built.
     """
-    given, folder = given_recipe(recipe, folder)
-    recipe = recipe_from_json(recipe_json(given))  # whoever made it, it is checked here
+    recipe, folder = given_recipe(recipe, folder)
     if isinstance(recipe.dtm, RasterDtm):
         recipe = replace(recipe, dtm=expanded(recipe.dtm))
     inputs = InputFiles(recipe, folder)
@@ -127,6 +125,7 @@ def draft(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     )
 
 
+@checked
 def plan(
     recipe: Recipe | RecipeFile | Path | str,
     *,

@@ -11,6 +11,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
+from terrain_forge.base import DataError
 from terrain_forge.base import mix as mix_one
 from terrain_forge.base import uniform as uniform_one
 
@@ -35,9 +36,12 @@ def uniform(hashed: ArrayLike) -> NDArray[np.float64]:
 
 def _words(given: ArrayLike) -> Any:
     """Whole numbers as 64 bits, negative ones in two's complement as in kernels."""
-    words = np.asarray(given)
+    try:
+        words = np.asarray(given)
+    except ValueError:
+        raise DataError("an address is made of whole numbers, in rows of one length") from None
     if words.dtype.kind not in "iu":
-        raise TypeError(f"an address is made of whole numbers, found {words.dtype}")
+        raise DataError(f"an address is made of whole numbers, found {words.dtype}")
     return words.astype(np.uint64)[()]
 
 

@@ -21,6 +21,7 @@ from terrain_forge.base import (
     NotNegative,
     Positive,
     Record,
+    checked,
     complaint,
     portable,
 )
@@ -50,6 +51,7 @@ class SurfaceFriction(Record):
     """Where it comes from; begins with `assumption` where it has not been measured."""
 
 
+@checked
 def sheared(low_deg: float, mean_deg: float, high_deg: float, source: str) -> SurfaceFriction:
     """Friction on regolith: the tangent of its angle of internal friction [degrees].
 

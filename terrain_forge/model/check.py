@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from terrain_forge.base import Record
+from terrain_forge.base import Record, checked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,6 +41,7 @@ class Check(Record):
         )
 
 
+@checked
 def at_most(
     name: str, figure: float, limit: float | None, *, unit: str = "", note: str = ""
 ) -> Check:
@@ -49,6 +50,7 @@ def at_most(
     return Check(name=name, figure=figure, unit=unit, limit=limit, passed=passed, note=note)
 
 
+@checked
 def at_least(name: str, figure: float, limit: float, *, unit: str = "", note: str = "") -> Check:
     """A check that passes from its limit on."""
     note = f"{note}; at least" if note else "at least"

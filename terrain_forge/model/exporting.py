@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import dataclass, is_dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
@@ -17,6 +16,8 @@ from terrain_forge.base import (
     MAX_NAME,
     RecipeError,
     Spec,
+    adapter_of,
+    checked,
     failure_words,
     hint_at,
     is_listed_name,
@@ -107,14 +108,7 @@ class Export:
 
 def options_adapter(options: type[Spec]) -> TypeAdapter[Any]:
     """Pydantic's view of an exporter's options."""
-    return _adapter(options)  # type: ignore[arg-type]  # a class is hashable
-
-
-@cache
-def _adapter(options: type[Any]) -> TypeAdapter[Any]:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(options)
+    return adapter_of(options)  # type: ignore[arg-type]  # a class is hashable
 
 
 def plain_options(options: Spec) -> dict[str, Any]:
@@ -157,6 +151,7 @@ def exporter_names() -> list[str]:
     return sorted(plugins(EXPORTERS))
 
 
+@checked
 def exporter(name: str) -> Exporter:
     """The exporter of that name.
 

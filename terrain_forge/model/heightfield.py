@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, DataError, Record, shaped
+from terrain_forge.base import Array, DataError, Record, checked, shaped
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north edge [m]."""
@@ -46,21 +46,40 @@ class Heightfield(Record):
         rows, columns = self.shape
         return west, south, west + (columns - 1) * self.spacing, south + (rows - 1) * self.spacing
 
+    @checked
     def covers(self, east: ArrayLike, north: ArrayLike) -> NDArray[np.bool_]:
-        """Which points lie on the grid (edges count, to a billionth of a cell)."""
+        """Which points lie on the grid (edges count, to a billionth of a cell).
+
+        Raises:
+            DataError: for numbers of shapes that do not go together.
+        """
         column = (np.asarray(east, np.float64) - self.origin[0]) / self.spacing
         row = (np.asarray(north, np.float64) - self.origin[1]) / self.spacing
+        try:
+            np.broadcast_shapes(column.shape, row.shape)
+        except ValueError:
+            raise DataError(
+                f"east of shape {column.shape}, north of shape {row.shape}: alike, or one of one"
+            ) from None
         rows, columns = self.shape
         slack = 1e-9
         inside_east = (column >= -slack) & (column <= columns - 1 + slack)
         return inside_east & (row >= -slack) & (row <= rows - 1 + slack)
 
+    @checked
     def holds(self, points: Array, *, margin: float) -> bool:
-        """Whether all points, shape [n, 2], lie at least `margin` [m] within the grid."""
+        """Whether all points, shape [n, 2], lie at least `margin` [m] within the grid.
+
+        Raises:
+            DataError: for points of another shape.
+        """
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise DataError(f"points of shape {points.shape}: a pair for each point")
         west, south, east, north = self.bounds
         low, high = np.array([west, south]) + margin, np.array([east, north]) - margin
         return bool(np.all((points >= low) & (points <= high)))
 
+    @checked
     def height_at(self, east: ArrayLike, north: ArrayLike) -> Array:
         """Height [m] of the triangulated surface under points of the grid [m].
 
@@ -82,8 +101,20 @@ class Heightfield(Record):
         above = sw + v * (nw - sw) + u * (ne - nw)
         return np.asarray(np.where(u >= v, below, above))
 
+    @checked
     def cut(self, *, column: int, row: int, columns: int, rows: int) -> Heightfield:
-        """The sub-grid that starts at node (column, row) and has so many cells each way."""
+        """The sub-grid that starts at node (column, row) and has so many cells each way.
+
+        Raises:
+            DataError: if it has none, or does not lie in the grid.
+        """
+        height, width = self.shape
+        inside = 0 <= column < column + columns < width and 0 <= row < row + rows < height
+        if not inside:
+            raise DataError(
+                f"columns {column} to {column + columns} and rows {row} to {row + rows} of nodes: "
+                f"the grid has columns 0 to {width - 1} and rows 0 to {height - 1}"
+            )
         origin = (self.origin[0] + column * self.spacing, self.origin[1] + row * self.spacing)
         nodes = self.elevation[row : row + rows + 1, column : column + columns + 1]
         return Heightfield(elevation=nodes, spacing=self.spacing, origin=origin)

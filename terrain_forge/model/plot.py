@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, own_style
+from terrain_forge.base import Array, DataError, own_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def plot_world(world: World, axes: Axes | None = None) -> Axes:
     Returns:
         The axes, in metres east and north.
     """
-    axes = axes or _new_axes()
+    axes = _axes(axes)
     step = max(1, -(-max(world.ground.shape) // _PIXELS))
     west, south, east, north = world.ground.bounds
     axes.imshow(_shaded(world, step), extent=(west, east, south, north), origin="lower", zorder=0)
@@ -57,7 +57,7 @@ def plot_world(world: World, axes: Axes | None = None) -> Axes:
 
 def plot_site(site: Site, axes: Axes | None = None) -> Axes:
     """Draw what is known of a site before there is ground: its area, routes and exclusion zones."""
-    axes = axes or _new_axes()
+    axes = _axes(axes)
     for zone in site.exclusion_zones:
         _draw_circles(axes, np.array([zone.centre]), np.array([2.0 * zone.radius]), hollow=True)
     plot_area(axes, site.size, {route.name: route.position for route in site.routes})
@@ -98,6 +98,17 @@ def html_picture(summary: str, png: bytes) -> str:
     source = f"data:image/png;base64,{b64encode(png).decode()}"
     picture = f'<br><img alt="" style="max-width: 640px" src="{source}">' if png else ""
     return f"<div>{escape(summary)}{picture}</div>"
+
+
+def _axes(given: Axes | None) -> Axes:
+    """The axes that are given, or new ones.
+
+    Raises:
+        DataError: if these are no axes.
+    """
+    if given is not None and not hasattr(given, "imshow"):
+        raise DataError(f"axes must be Matplotlib's Axes, found a {type(given).__name__}")
+    return given or _new_axes()
 
 
 def _new_axes() -> Axes:

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, Record, portable, shaped
+from terrain_forge.base import DataError, NotNegative, Record, checked, portable, shaped
 from terrain_forge.model.body import Body
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.inputs import (
@@ -48,12 +48,14 @@ class Window(Record):
         if min(self.columns, self.rows) < 1:
             raise ValueError(f"Window of {self.columns} × {self.rows} cells: at least 1 × 1")
 
+    @checked
     def strips(self, most: int) -> Iterator[Window]:
         """The window in strips of at most so many rows of cells, which share border nodes."""
         for row in range(0, self.rows, most):
             yield self.replace(row=self.row + row, rows=min(most, self.rows - row))
 
 
+F = TypeVar("F", Image, Table)
 HIGHEST_EXPONENT = 0.95
 """Hurst exponent up to which ground's may rise below its DTM."""
 
@@ -204,6 +206,7 @@ class Site(Record):
 
         return recipe_from_json(self.recipe_json)
 
+    @checked
     def with_current_keys(self, file: Path) -> Site:
         """The site with keys of its recipe that were renamed since; warns, naming the file."""
         from terrain_forge.recipe import current_json
@@ -221,6 +224,7 @@ class Site(Record):
             "inputs": dict(self.inputs),
         }
 
+    @checked
     def misstated(self, manifest: dict[str, Any]) -> list[str]:
         """Keys under which a manifest states something else than is true of it."""
         from terrain_forge.recipe import with_current_names
@@ -254,6 +258,7 @@ class Site(Record):
         """Whether the site knows where on its body it lies."""
         return bool(self.crs)
 
+    @checked
     def axes(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """East coordinates of the window's node columns and north ones of its rows [m].
 
@@ -263,11 +268,13 @@ class Site(Record):
         rows = window.row + np.arange(window.rows + 1, dtype=np.float64)
         return self.west + columns * self.spacing, self.south + rows * self.spacing
 
+    @checked
     def first_node(self, ground: Heightfield) -> tuple[int, int]:
         """Column and row of the site's nodes at which a part of its ground begins."""
         east, north = ground.origin
         return round((east - self.west) / self.spacing), round((north - self.south) / self.spacing)
 
+    @checked
     def require_window(self, window: Window) -> None:
         """Refuse a window that does not lie in the site.
 
@@ -283,7 +290,8 @@ class Site(Record):
                 f"{self.name!r} has columns 0 to {whole.columns} and rows 0 to {whole.rows}"
             )
 
-    def padded(self, window: Window, margin: float) -> Window:
+    @checked
+    def padded(self, window: Window, margin: NotNegative) -> Window:
         """The window grown by at least `margin` [m] on each side, as far as the site goes."""
         cells = int(np.ceil(margin / self.spacing))
         whole = self.window
@@ -292,10 +300,28 @@ class Site(Record):
         north = min(window.row + window.rows + cells, whole.rows)
         return Window(column=column, row=row, columns=east - column, rows=north - row)
 
+    @checked
     def image(self, path: str) -> NDArray[np.float64]:
-        """Values of the image that the recipe calls `path`."""
-        return next(image.values for image in self.images if image.path == path)
+        """Values of the image that the recipe calls `path`.
 
+        Raises:
+            DataError: if it names none so.
+        """
+        return _named(self.images, path, "image").values
+
+    @checked
     def table(self, path: str) -> Table:
-        """The table that the recipe calls `path`."""
-        return next(table for table in self.tables if table.path == path)
+        """The table that the recipe calls `path`.
+
+        Raises:
+            DataError: if it names none so.
+        """
+        return _named(self.tables, path, "table")
+
+
+def _named(files: tuple[F, ...], path: str, what: str) -> F:
+    for one in files:
+        if one.path == path:
+            return one
+    named = ", ".join(one.path for one in files) or "none"
+    raise DataError(f"the recipe names no {what} {path!r}, it has {named}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, DataError, Record, quaternion_from_rpy, shaped
+from terrain_forge.base import Array, DataError, Record, checked, quaternion_from_rpy, shaped
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -71,6 +71,7 @@ class Trajectory(Record):
 
         return CubicSpline(self.time, np.hstack([self.position, self.rpy]))
 
+    @checked
     def at(self, time: ArrayLike) -> Poses:
         """Poses, velocities and accelerations at times [s] within the trajectory.
 

@@ -7,12 +7,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
-from terrain_forge.base import OutputError, Record, from_plain, read_arrays, read_text, to_plain
+from terrain_forge.base import (
+    OutputError,
+    Record,
+    checked,
+    from_plain,
+    read_arrays,
+    read_text,
+    to_plain,
+)
 from terrain_forge.model.appearance import Appearance, Lighting
 from terrain_forge.model.heightfield import Heightfield
 from terrain_forge.model.horizon import Horizon
@@ -81,6 +90,7 @@ class World(Record):
         west, south, east, north = self.ground.bounds
         return html(repr(self), (east - west, north - south), self.plot)
 
+    @checked
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the world from above: shaded ground, rocks, paths.
 
@@ -92,7 +102,8 @@ class World(Record):
         """
         return plot_world(self, axes)
 
-    def tiles(self, *, cells: int = 1024) -> Iterator[Tile]:
+    @checked
+    def tiles(self, *, cells: Annotated[int, Ge(1)] = 1024) -> Iterator[Tile]:
         """The world in tiles of at most `cells` cells each way, row by row from the south-west.
 
         Tiles share their border nodes; a rock belongs to the tile of its centre.
@@ -107,6 +118,7 @@ class World(Record):
             part = self._cut(column, row, min(cells, east), min(cells, north))
             yield Tile(number=number, world=part, whole=self)
 
+    @checked
     def tile(self, window: Window, *, number: int) -> Tile:
         """The tile of a window of the site that lies in this world."""
         column, row = window.column - self.window.column, window.row - self.window.row
@@ -133,6 +145,7 @@ class World(Record):
             horizon=None,
         )
 
+    @checked
     def save(self, directory: Path) -> list[Path]:
         """Store the world as `directory`/world/: world.json, arrays.npz and shared.npz.
 
@@ -158,6 +171,7 @@ class World(Record):
         return files
 
     @staticmethod
+    @checked
     def load(directory: Path | str) -> World:
         """The world of a built folder.
 

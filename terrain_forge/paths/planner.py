@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Key, RecipeError
+from terrain_forge.base import Array, Key, RecipeError, checked
 from terrain_forge.model import Route, Rover
 from terrain_forge.paths.curves import Curve, trace_spline
 from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighten
@@ -36,6 +36,7 @@ KNOTS = (4, 2, 1)
 """Every how many of them the spline goes through; more of them where it would touch something."""
 
 
+@checked
 def plan_path(
     spec: PathSpec,
     route: Planned,

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from terrain_forge.base import Array, portable, rpy_from_matrix, stage_key, uniforms
+from terrain_forge.base import Array, checked, portable, rpy_from_matrix, stage_key, uniforms
 from terrain_forge.model import Route, Rover, Trajectory
 from terrain_forge.paths.spec import PathSpec
 
@@ -26,6 +26,7 @@ class Heights(Protocol):
         """Heights [m] at places [m]."""
 
 
+@checked
 def make_trajectory(
     route: Route, *, spec: PathSpec, ground: Heights, rover: Rover, seed: int
 ) -> Trajectory:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Record, inner, kernel, over_chunks
+from terrain_forge.base import Record, checked, inner, kernel, over_chunks
 from terrain_forge.model import Heightfield, RockField, RockLibrary, Rover
 from terrain_forge.paths.obstacles import (
     UNITS,
@@ -73,6 +73,7 @@ class Traversability(Record):
         return round((point[1] - self.origin[1]) / self.spacing), column
 
 
+@checked
 def traversability(
     *,
     ground: Heightfield,

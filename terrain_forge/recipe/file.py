@@ -25,6 +25,7 @@ from terrain_forge.base import (
     OutputError,
     RecipeError,
     TerrainForgeError,
+    checked,
     complaint,
     dotted,
     read_text,
@@ -82,18 +83,21 @@ class RecipeFile:
 def given_recipe(
     recipe: Recipe | RecipeFile | Path | str, folder: Path | str
 ) -> tuple[Recipe, Path]:
-    """A recipe, and what its paths are relative to: of a file, its own folder.
+    """A recipe, checked, whoever made it, and what its paths are relative to.
+
+    Those of a file are relative to its own folder.
 
     Raises:
-        RecipeError: if the file is no recipe.
+        RecipeError: if it is no recipe, or the file holds none.
     """
     if isinstance(recipe, Path | str):
         recipe = load_recipe(recipe)
     if isinstance(recipe, RecipeFile):
-        return recipe.recipe, recipe.folder
-    return recipe, Path(folder)
+        return recipe.recipe.sound(), recipe.folder
+    return recipe.sound(), Path(folder)
 
 
+@checked
 def load_recipe(
     path: Path | str,
     *,
@@ -118,7 +122,7 @@ def load_recipe(
     except RecipeError as error:
         raise RecipeError(_locate(path, lines, error.key, str(error))) from None
     for old, new in renamed:
-        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new, above=3)
+        warn_renamed(f"{path}:{lines[old]}" if old in lines else str(path), old, new)
         for key in [key for key in lines if key[: len(old)] == old]:
             lines[*new, *key[len(new) :]] = lines.pop(key)
     plain = deepcopy(data) if changes else None
@@ -167,6 +171,7 @@ def _tell_idle(path: Path, recipe: Recipe, data: Any, lines: Lines, plain: Any) 
             warn_idle(told)
 
 
+@checked
 def save_recipe(recipe: Recipe, path: Path | str) -> Path:
     """Write a recipe as YAML that `load_recipe` reads back equal; returns the file.
 

@@ -8,12 +8,11 @@ looked at.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any, NamedTuple
 
-from terrain_forge.base import Key, RecipeError, RecipeWarning, Spec
+from terrain_forge.base import Key, RecipeError, Spec, warn_user
 from terrain_forge.recipe.exports import ExportOrder, export_orders
 from terrain_forge.recipe.renames import value_at
 from terrain_forge.recipe.schema import Recipe
@@ -62,7 +61,7 @@ def remove_idle(recipe: Recipe, data: Any) -> Any:
 
 def warn_idle(message: str) -> None:
     """Warn the caller of `load_recipe` of a key that changes nothing."""
-    warnings.warn(message, RecipeWarning, stacklevel=4)
+    warn_user(message)
 
 
 def _all_idle(value: Any, key: Key = ()) -> Iterator[IdleKey]:

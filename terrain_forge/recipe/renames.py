@@ -6,7 +6,6 @@ To rename a key, rename the field of its spec and add a row here.
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Key, OutputError, RecipeError, RecipeWarning, dotted
+from terrain_forge.base import Key, OutputError, RecipeError, dotted, warn_user
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ def current_json(text: str, file: Path) -> str:
     lines = file.read_text(encoding="utf-8").splitlines() if renamed else []
     line = next((n for n, text in enumerate(lines, 1) if '"recipe_json":' in text), 1)
     for old, new in renamed:
-        warn_renamed(f"{file}:{line}", old, new, above=5)  # the caller of World.load
+        warn_renamed(f"{file}:{line}", old, new)
     return json.dumps(data, sort_keys=True, separators=(",", ":")) if renamed else text
 
 
@@ -126,11 +125,9 @@ def with_current_names(manifest: dict[str, Any]) -> dict[str, Any]:
     return {**manifest, "recipe": recipe}
 
 
-def warn_renamed(where: str, old: Key, new: Key, *, above: int = 4) -> None:
+def warn_renamed(where: str, old: Key, new: Key) -> None:
     """Warn that a key has another name now; `where` is the file, with its line if that is known."""
-    warnings.warn(
-        f"{where}: {dotted(old)} is now called {new[-1]}", RecipeWarning, stacklevel=above
-    )
+    warn_user(f"{where}: {dotted(old)} is now called {new[-1]}")
 
 
 def _is_kind(rename: Rename, place: Key, mapping: Any) -> bool:

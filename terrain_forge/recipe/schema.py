@@ -19,6 +19,8 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
+    adapter_of,
+    checked,
     complaint,
     documented,
 )
@@ -207,12 +209,12 @@ class Recipe(Spec):
         return drive.path if drive else None
 
 
-@cache
 def adapter() -> TypeAdapter[Recipe]:
     """Pydantic's view of the schema."""
-    return TypeAdapter(Recipe)
+    return adapter_of(Recipe)
 
 
+@checked
 @cache
 def json_schema(*, exporters: bool = True) -> dict[str, Any]:
     """The JSON Schema of a recipe, for editors and for docs/recipe.md.

@@ -26,7 +26,6 @@ from terrain_forge.recording.order import Order
 from terrain_forge.recording.plan import PLAN, differences, plan_of, plan_text, require_same
 from terrain_forge.recording.rehearsal import rehearse
 from terrain_forge.recording.setting import (
-    checked,
     open_setting,
     tell_unmeasured,
     with_path,
@@ -83,7 +82,7 @@ def record_dataset(
         KeyboardInterrupt: with how far it came.
     """
     order.require()
-    spec = with_path(world, checked(spec))
+    spec = with_path(world, spec.sound())
     formats = formats_of(spec)
     folder = dataset_folder(out)
     require_unlinked(out, folder.name)

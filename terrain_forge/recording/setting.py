@@ -5,13 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 
-from pydantic import ValidationError
-
-from terrain_forge.base import Progress, RecipeError, complaint, hint_at, silent
-from terrain_forge.model import Sensor, World, options_adapter
+from terrain_forge.base import Progress, RecipeError, checked, hint_at, silent
+from terrain_forge.model import Sensor, World
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.driven import motion_of_drive
 from terrain_forge.rocks import with_pebbles
@@ -25,20 +23,6 @@ from terrain_forge.sensors import (
 )
 
 _log = logging.getLogger(__name__)
-
-
-def checked(spec: DatasetSpec) -> DatasetSpec:
-    """What is recorded, checked, whoever made it.
-
-    Raises:
-        RecipeError: for what the schema does not allow.
-    """
-    adapter, plain = options_adapter(DatasetSpec), asdict(spec)
-    try:
-        found: DatasetSpec = adapter.validate_python(plain)
-    except ValidationError as error:
-        raise RecipeError(f"dataset.{complaint(error, adapter, plain)}") from None
-    return found
 
 
 def spec_of(world: World, *, path: str | None = None) -> DatasetSpec:
@@ -79,6 +63,7 @@ def named_path(names: Sequence[str], asked: str | None) -> str:
     return named
 
 
+@checked
 @contextmanager
 def open_setting(
     world: World,
@@ -142,6 +127,7 @@ def motion_of(world: World, spec: DatasetSpec, progress: Progress = silent) -> M
     return motion_of_path(path, still=spec.still_s, ramp=spec.ramp_s)
 
 
+@checked
 def find_instrument(setting: Setting, name: str) -> Instrument:
     """What measures for the sensor of a name, of a stereo pair NAME_left or NAME_right.
 

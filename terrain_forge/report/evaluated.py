@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from terrain_forge.base import Progress, require_unlinked, resolved, silent
+from terrain_forge.base import Progress, checked, require_unlinked, resolved, silent
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -32,6 +32,7 @@ MAP_STAGES = ("load", "maps", "site", "report page")
 """Stages of an evaluation of maps."""
 
 
+@checked
 def evaluate(
     out: Path | str,
     systems: Sequence[Adapter],
@@ -67,6 +68,7 @@ def evaluate(
     return results
 
 
+@checked
 def evaluate_maps(
     out: Path | str,
     maps: Sequence[str],

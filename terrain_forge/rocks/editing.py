@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import MAX_NAME, DataError, Mask, is_file_name
+from terrain_forge.base import MAX_NAME, DataError, Mask, checked, is_file_name
 from terrain_forge.model import RockField, World, merge
 from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.outline import MAX_BURIED
@@ -26,6 +26,7 @@ BY_HAND = "by hand"
 """The population of rocks that were added by hand, unless they are given another."""
 
 
+@checked
 def add_rock(
     world: World,
     *,
@@ -117,7 +118,8 @@ def add_rock(
     )
 
 
-def remove_rocks(world: World, ids: Iterable[int] | Mask) -> World:
+@checked
+def remove_rocks(world: World, ids: Iterable[int] | Iterable[bool] | Mask) -> World:
     """The world without some rocks; the others keep their ids.
 
     Args:
@@ -139,7 +141,7 @@ def remove_rocks(world: World, ids: Iterable[int] | Mask) -> World:
     )
 
 
-def _ids(world: World, given: Iterable[int] | Mask) -> NDArray[np.int64]:
+def _ids(world: World, given: Iterable[int] | Iterable[bool] | Mask) -> NDArray[np.int64]:
     """The ids that are given, or those of the rocks of a mask."""
     found: NDArray[Any] = np.array(list(given))
     own = world.field.id

@@ -29,8 +29,10 @@ from terrain_forge.base import (
     DataError,
     Idle,
     InputFile,
+    RecipeError,
     Spec,
     cache_folder,
+    checked,
     from_plain,
     mix,
     portable,
@@ -153,6 +155,7 @@ class LibrarySpec(Spec):
         return tuple(dict.fromkeys([*made, *(mesh.family_name for mesh in self.meshes)]))
 
 
+@checked
 def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> RockLibrary:
     """Make the library; equal specs give equal bytes, and shape n does not depend on how many.
 
@@ -161,8 +164,14 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         custom: The user's own shapes, by the paths that the spec names.
 
     Raises:
-        RecipeError: if a shape cannot be cut into parts as close as `spec` wants.
+        RecipeError: if a shape cannot be cut into parts as close as `spec` wants, or there is none.
+        DataError: if a mesh that the spec names is not among `custom`.
     """
+    if not spec.shapes and not spec.meshes:
+        raise RecipeError("0 shapes and no meshes: a library needs one", key=("shapes",))
+    missing = {own.file for own in spec.meshes} - {mesh.path for mesh in custom}
+    if missing:
+        raise DataError(f"make_library: custom has no mesh {min(missing)}")
     key = stage_key(spec.seed, "rock-library")
     spheres = (Sphere(), Sphere(close=True)) if spec.shapes else None
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, ExportError, mix, stage_key
+from terrain_forge.base import Array, ExportError, checked, mix, stage_key
 from terrain_forge.model import RockField, World, merge
 from terrain_forge.rocks.near_paths import path_distance, path_points
 
@@ -56,6 +56,7 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
 
 
+@checked
 def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World:
     """The world as pictures and sensors near its paths see it: with pebbles among its rocks.
 

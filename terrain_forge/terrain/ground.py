@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import is_ours, returning
+from terrain_forge.base import checked, is_ours, returning
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import Heightfield, Site, Window
 from terrain_forge.terrain.layer import Layer
@@ -16,6 +16,7 @@ _HIGHEST = 1e6
 """Heights beyond it are no ground's of any body, and soon none that floats of files hold [m]."""
 
 
+@checked
 def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> Heightfield:
     """The bare ground at the window's nodes."""
     east, north = site.axes(window)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from terrain_forge.base import checked
 from terrain_forge.model import World
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.truth.materials import write_materials
@@ -15,6 +16,7 @@ from terrain_forge.truth.traversability import write_traversability
 from terrain_forge.writers import write_geotiff
 
 
+@checked
 def write_truth(world: World, directory: Path, *, figures: bool = True) -> list[Path]:
     """Write the ground, its rocks and the verification of them into `directory`/truth.
 

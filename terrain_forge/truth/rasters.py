@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import inner, kernel, over_chunks
+from terrain_forge.base import checked, inner, kernel, over_chunks
 from terrain_forge.model import World, merge, rotations
 
 _STRIP = 32
 """Rows of the grid that one task fills; tasks share no node, so threads change no result."""
 
 
+@checked
 def rock_rasters(world: World) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Height of the highest surface and id of the rock it belongs to, at the ground's nodes.
 

@@ -37,7 +37,6 @@ from terrain_forge.recipe import (
     given_recipe,
     machine_memory,
     memory_needed,
-    recipe_from_json,
     recipe_json,
     require_exports,
     value_at,
@@ -87,8 +86,8 @@ def make_grid(
         RecipeError, DataError, OutputError, StorageError: as `build`; also for a scene of more
             worlds than a series has, or that does not fit into memory or a format.
     """
-    given, folder = given_recipe(recipe, folder)
-    recipe, folder = recipe_from_json(recipe_json(given)), resolved(folder)
+    recipe, folder = given_recipe(recipe, folder)
+    folder = resolved(folder)
     out = resolved(out)
     require_ours(out)
     orders = orders_of(recipe, only)

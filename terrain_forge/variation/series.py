@@ -26,6 +26,7 @@ from terrain_forge.base import (
     Spec,
     Stopwatch,
     TerrainForgeError,
+    checked,
     compile_ahead,
     read_json,
     require_unlinked,
@@ -57,7 +58,6 @@ from terrain_forge.recipe import (
     WorldsSpec,
     given_recipe,
     input_paths,
-    recipe_from_json,
     recipe_json,
 )
 from terrain_forge.truth import rate_world, write_truth
@@ -93,6 +93,7 @@ class Worlds:
         return f"<Worlds {str(self.directory)!r}: {len(self.folders)} worlds{failed}>"
 
 
+@checked
 def worlds(
     recipe: Recipe | RecipeFile | Path | str,
     out: Path | str,
@@ -125,8 +126,7 @@ def worlds(
         StorageError: if the disk does not take it.
         KeyboardInterrupt: with how far it came.
     """
-    given, folder = given_recipe(recipe, folder)
-    recipe = recipe_from_json(recipe_json(given))
+    recipe, folder = given_recipe(recipe, folder)
     folder, out = resolved(folder), resolved(out)
     count = (recipe.worlds or WorldsSpec()).count if count is None else count
     if not 1 <= count <= MOST_WORLDS:

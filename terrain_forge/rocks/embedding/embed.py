@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import (
     Array,
+    checked,
     inner,
     kernel,
     matrix_from_quaternion,
@@ -55,6 +56,7 @@ _RING_RADIUS = 0.4
 _RING_POINTS = 12
 
 
+@checked
 def embed(
     *,
     scattered: Scattered,

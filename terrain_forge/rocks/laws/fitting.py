@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import Array, checked, portable
 from terrain_forge.rocks.laws.exponential import Exponential
 from terrain_forge.rocks.laws.golombek import MAX_K, Golombek
 from terrain_forge.rocks.laws.power_law import PowerLaw
@@ -128,6 +128,7 @@ def _family(fit: str, decay: str | None, smallest: float) -> _Family:
     return _Family(partial(Golombek, q_of_k=decay), "k", (1e-4, MAX_K))
 
 
+@checked
 def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
     """The law of a family that makes a count likeliest.
 
@@ -161,7 +162,7 @@ def fit_law(count: RockCount, *, fit: str, decay: str | None) -> Fit:
 
 
 def _parameters(family: _Family, count: RockCount, log_shape: float) -> dict[str, float]:
-    shape = {family.shape: float(portable.exp(log_shape))}
+    shape = {family.shape: float(np.clip(portable.exp(log_shape), *family.limits))}
     if family.amplitude is None:
         return shape
     one = float(count.expected(family.make(**shape, **{family.amplitude: 1.0})).sum())
@@ -195,6 +196,7 @@ def _standard_errors(
     return errors
 
 
+@checked
 def goodness(count: RockCount, fit: Fit) -> dict[str, Any]:
     """How well a fitted law describes a count: Kolmogorov–Smirnov, or chi-square for bins.
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Rows, shaped
+from terrain_forge.base import Array, NotNegative, Rows, checked, shaped
 from terrain_forge.model import Heightfield, RockLibrary, Site, Window
 from terrain_forge.rocks.embedding.burial import PATTERN, PITCH
 from terrain_forge.rocks.embedding.footprint import FOOTPRINT_DIRECTIONS, footprints
@@ -71,6 +71,7 @@ class Scattered(Rows):
     """Rocks of each population, of those first put into the window, that found no free place."""
 
 
+@checked
 def scatter(
     *,
     site: Site,
@@ -79,7 +80,7 @@ def scatter(
     window: Window,
     lists: tuple[RockListSpec, ...] = (),
     ground: Heightfield | None = None,
-    margin: float = 0.0,
+    margin: NotNegative = 0.0,
 ) -> Scattered:
     """The rocks whose centre lies in a window of the site, and all that could reach into it.
 

@@ -224,7 +224,7 @@ def test_no_common_time_is_told():
 
 
 def test_what_is_no_poses_is_refused():
-    with pytest.raises(DataError, match=r"the truth must be poses, .* found a str"):
+    with pytest.raises(DataError, match=r"truth must be a TimedPoses, found .a.tum"):
         score_poses("a.tum", "b.tum")
 
 

@@ -243,7 +243,7 @@ def test_bare_ground_and_too_few_rocks():
 
 
 def test_a_rock_too_large_for_the_site_is_unplaced():
-    law = PowerLaw(number_per_m2=5000.0, exponent=3.0)
+    law = PowerLaw(number_per_m2=1000.0, exponent=1.0)
     spec = PopulationSpec(name="huge", size_frequency=law, diameter_m=(6.0, 6.1))
     found = run(site((4.0, 4.0)), spec)
     assert len(found) == 0
@@ -251,7 +251,7 @@ def test_a_rock_too_large_for_the_site_is_unplaced():
 
 
 def test_what_cannot_be_packed_is_refused():
-    law = PowerLaw(number_per_m2=1e4, exponent=1.0)
+    law = PowerLaw(number_per_m2=1e3, exponent=3.0)
     spec = PopulationSpec(name="dust", size_frequency=law, diameter_m=(0.1, 0.2))
     with pytest.raises(RecipeError, match=r"dust.*packed"):
         run(site(), spec)

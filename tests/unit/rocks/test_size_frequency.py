@@ -127,7 +127,7 @@ def test_closed_forms_agree_with_each_other(law):
     assert law.cover_variance(a, b, area) == pytest.approx(fourth / area, rel=2e-5)
 
 
-@pytest.mark.parametrize("decay", [1e-6, 0.01, 1.25, 4.0])
+@pytest.mark.parametrize("decay", [0.01, 1.25, 4.0])
 def test_the_cover_s_variance_of_large_mean_diameters(decay):
     law = Exponential(number_per_m2=2.0, decay_per_m=decay)
     fourth = quad(lambda d: d**4 * np.exp(-decay * d), 0.05, 0.8, epsabs=0.0, epsrel=1e-12)[0]
