@@ -29,11 +29,15 @@ _VIEW = 960, 540
 """Width and height of what the preview's eye sees [pixels]."""
 _MOST_HORIZON = 8_000_000
 """Values of the horizon map that are written; of more, each n-th azimuth is."""
+_NO_PART = 255
+"""Of whole numbers, what says that nothing is known."""
+_NO_COLOUR = 90.0, 60.0, 60.0
+"""Of pictures, likewise."""
 _TEXT, _SHADE = (255, 255, 255), (0, 0, 0)
 
 
 def write_maps(folder: Path, light: Light, land: Land, site: Site, names: list[str]) -> list[str]:
-    """Write the GeoTIFFs; returns lines that say what they hold."""
+    """Write the GeoTIFFs, nodata where the DTM has holes; returns lines that say what they hold."""
     every = max(1, -(-light.horizon.size // _MOST_HORIZON))
     degrees = np.degrees(light.azimuths)
     maps: list[tuple[str, NDArray[Any], str, list[str], str]] = [
@@ -51,9 +55,12 @@ def write_maps(folder: Path, light: Light, land: Land, site: Site, names: list[s
         maps.append(("sun_seen", shadows, "%", names, f", {len(names)} moments"))
     lines = []
     for name, grid, units, told, more in maps:
+        nodata = _NO_PART if grid.dtype == np.uint8 else np.nan
+        values = np.array(grid, order="C")
+        values[light.missing] = nodata
         write_geotiff(
-            folder / f"{name}.tif", np.ascontiguousarray(grid), world_ground=land.grid, site=site,
-            units=units, description=told,
+            folder / f"{name}.tif", values, world_ground=land.grid, site=site, units=units,
+            nodata=nodata, description=told,
         )  # fmt: skip
         lines.append(f"{name}.tif{more}")
     return lines
@@ -79,8 +86,8 @@ def write_table(
         for n, moment in enumerate(moments)
     ]
     found = {
-        "mean_sunlight_hours": float(light.sunlight.mean()),
-        "never_lit_share": float(light.never.mean()),
+        "mean_sunlight_hours": float(light.known_hours.mean()),
+        "never_lit_share": light.never_share,
     }
     path.write_text(json.dumps(facts | found | {"moments": rows}, indent=1), encoding="utf-8")
 
@@ -128,7 +135,7 @@ def _write_frames(path: Path, frames: list[Image.Image]) -> bool:
 
 
 def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> Image.Image:
-    """The map in the light of a moment; what no Sun reaches is dark blue."""
+    """The map in the light of a moment; what no Sun reaches is dark blue, what is not known brown."""
     rise_north, rise_east = np.gradient(land.grid.elevation, land.grid.spacing)
     facing = (sun[2] - rise_east * sun[0] - rise_north * sun[1]) / np.sqrt(
         1.0 + rise_east**2 + rise_north**2
@@ -136,14 +143,20 @@ def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> 
     shine = np.maximum(facing, 0.0) * percent / 100.0
     grey = 0.02 + 0.55 * shine / max(float(np.percentile(shine, 98.0)), 1e-6)
     colour = np.stack([grey, grey, grey + 0.03], axis=-1)
-    return _picture(np.asarray(255.0 * np.clip(srgb_from_linear(colour), 0.0, 1.0)), caption)
+    pixels = np.asarray(255.0 * np.clip(srgb_from_linear(colour), 0.0, 1.0))
+    pixels[land.missing] = _NO_COLOUR
+    return _picture(pixels, caption)
 
 
 def write_hours(path: Path, light: Light, whole: float) -> None:
-    """Write the hours of sunlight as a picture, black for none, white for all; never lit blue."""
+    """Write the hours of sunlight as a picture, black for none, white for all.
+
+    What is never lit is blue, and brown where nothing is known.
+    """
     part = light.sunlight / max(whole, 1e-9)
     colour = np.repeat(255.0 * np.sqrt(np.clip(part, 0.0, 1.0))[..., None], 3, axis=-1)
     colour[light.never > 0] = (30.0, 60.0, 160.0)
+    colour[light.missing] = _NO_COLOUR
     write_png(path, np.asarray(_picture(colour, "")))
 
 

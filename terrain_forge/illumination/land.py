@@ -107,6 +107,8 @@ def find_land(
     if not near.covers(east, north).all():
         raise _beyond(size, near.bounds)
     missing = _near_holes(own, east, north)
+    if missing.all():
+        raise DataError("the DTM has no height anywhere on the map", key=("dtm",))
     heights = np.where(missing, 0.0, near.height_at(east, north))
     level = heights - (east**2 + north**2) / (2.0 * radius) + height
     reliefs = tuple(Relief.of(_curved(grid, radius)) for grid in grids)

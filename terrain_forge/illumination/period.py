@@ -5,23 +5,39 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, OutputError, Record, shaped
+from terrain_forge.base import Array, Mask, OutputError, Record, shaped
 from terrain_forge.illumination.horizon import LOWEST, horizon_slopes
 from terrain_forge.illumination.land import Land
 from terrain_forge.model import Ephemeris, Site
-from terrain_forge.sky import Above, days_of, highest_declination, look_up, utc_text
+from terrain_forge.sky import (
+    Above,
+    days_of,
+    highest_declination,
+    look_up,
+    utc_text,
+    widest_sun,
+)
 
 MOST = 100_000
 """Moments of a period."""
+_FINEST = 720
+"""Azimuths, at least, in which what is never lit has been looked at: each a Sun's width."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Light(Record):
-    """Maps of a period, shape [rows, columns] or with a first axis for moments or azimuths."""
+    """Maps of a period, shape [rows, columns] or with a first axis for moments or azimuths.
+
+    Where nothing is known they hold 0.
+    """
+
+    missing: Mask = field(metadata=shaped("rows", "columns", dtype=np.bool_))
+    """Nodes where the DTM has no height, shape [rows, columns]."""
 
     sunlight: NDArray[np.float32] = field(metadata=shaped("rows", "columns", dtype=np.float32))
     """Hours of the whole Sun: an hour of half its disc counts for half, shape [rows, columns]."""
@@ -41,6 +57,16 @@ class Light(Record):
     )
     """Part of the Sun that is seen [percent]; of none where there are too many moments, shape
     [moments, rows, columns]."""
+
+    @property
+    def known_hours(self) -> NDArray[np.float32]:
+        """The hours of the whole Sun where something is known, shape [nodes]."""
+        return np.asarray(self.sunlight[~self.missing])
+
+    @property
+    def never_share(self) -> float:
+        """Part of what is known that is never lit."""
+        return float(self.never[~self.missing].mean())
 
 
 def moments_of(begin: datetime, end: datetime, step: timedelta) -> list[datetime]:
@@ -85,7 +111,8 @@ def light_over(
     """The maps of a period.
 
     Where there are fewer moments than azimuths, each looks exactly where Sun and Earth stand; where
-    there are more, the horizon is linear between the azimuths.
+    there are more, the horizon is linear between the azimuths. What seems never lit is looked at
+    between them too, and at the moments.
 
     Args:
         land: The map and what stands around it.
@@ -114,19 +141,19 @@ def light_over(
     turns = 2.0 * np.pi * np.arange(azimuths) / azimuths
     bodies = [(name, _azimuths(getattr(above, name))) for name in ("sun", "earth")]
     rows = np.empty((azimuths, count), np.float32)
-    highest = _highest(ephemeris, lonlat[1], turns)
-    never = np.ones(count, bool)
+    missing = land.missing.ravel()
+    top = partial(_top_of_sun, ephemeris, lonlat[1])
+    never, highest = ~missing, top(turns)
     for k, azimuth in enumerate(turns):
-        slopes = horizon_slopes(land.reliefs, land.points, float(azimuth))
-        tilt = _tilt(land.points, float(azimuth), site.body.mean_radius)
-        rows[k] = np.arctan(slopes) + tilt
-        never &= rows[k] > highest[k] + 0.5 * float(above.sun_diameter.max())
-        progress((k + 1) / azimuths * (0.5 if exact else 0.9))
+        own = np.arctan(horizon_slopes(land.reliefs, land.points, float(azimuth)))
+        never &= own > highest[k]
+        rows[k] = own + _tilt(land.points, float(azimuth), site.body.mean_radius)
+        progress((k + 1) / azimuths * (0.4 if exact else 0.8))
     if exact:
         for at in range(len(moments)):
             for name, turn in bodies:
                 add(name, at, horizon_slopes(land.reliefs, land.points, float(turn[at])))
-            progress(0.5 + 0.5 * (at + 1) / len(moments))
+            progress(0.4 + 0.5 * (at + 1) / len(moments))
     else:
         for name, turn in bodies:
             for at in range(len(moments)):
@@ -135,13 +162,22 @@ def light_over(
                 local = (1.0 - part) * rows[low] + part * rows[(low + 1) % azimuths]
                 tilt = _tilt(land.points, float(turn[at]), site.body.mean_radius)
                 add(name, at, np.tan(local - tilt))
-    missing = land.missing.ravel()
-    for total in sums.values():
-        total[missing] = 0.0
+    never &= sums["sun"] == 0.0
+    finer = -(-_FINEST // azimuths) * azimuths
+    between = 2.0 * np.pi * np.flatnonzero(np.arange(finer) % (finer // azimuths)) / finer
+    for k, (azimuth, height) in enumerate(zip(between, top(between), strict=True)):
+        if not never.any():
+            break
+        slopes = horizon_slopes(land.reliefs, land.points[never], float(azimuth))
+        never[never] = np.arctan(slopes) > height
+        progress(0.9 + 0.1 * (k + 1) / len(between))
+    for values in (*sums.values(), *rows, *shown):
+        values[missing] = 0
     return Light(
+        missing=land.missing,
         sunlight=sums["sun"].reshape(shape).astype(np.float32),
         earth=sums["earth"].reshape(shape).astype(np.float32),
-        never=(never & ~missing).reshape(shape).astype(np.uint8),
+        never=never.reshape(shape).astype(np.uint8),
         azimuths=turns,
         horizon=rows.reshape(azimuths, *shape),
         moments=shown.reshape(len(shown), *shape),
@@ -165,8 +201,11 @@ def _tilt(points: Array, azimuth: float, radius: float) -> Array:
     return np.asarray(along / radius)
 
 
-def _highest(ephemeris: Ephemeris, latitude: float, azimuths: Array) -> Array:
-    """How high the Sun's middle ever stands in each direction [rad]; -π/2 where it never comes."""
+def _top_of_sun(ephemeris: Ephemeris, latitude: float, azimuths: Array) -> Array:
+    """How high the Sun's edge ever stands in each direction [rad], 0.01° too high at most.
+
+    Far below the ground where it never comes.
+    """
     most = highest_declination(ephemeris)
     heights = np.radians(np.arange(90.0, -90.001, -0.01))
     sine = (
@@ -174,5 +213,6 @@ def _highest(ephemeris: Ephemeris, latitude: float, azimuths: Array) -> Array:
         + np.cos(latitude) * np.cos(heights) * (np.cos(azimuths)[:, None])
     )
     reached = np.abs(np.arcsin(np.clip(sine, -1.0, 1.0))) <= most
-    first = np.argmax(reached, axis=1)
-    return np.asarray(np.where(reached.any(axis=1), heights[first], -0.5 * np.pi))
+    above = np.maximum(np.argmax(reached, axis=1) - 1, 0)
+    middle = np.where(reached.any(axis=1), heights[above], -0.5 * np.pi)
+    return np.asarray(middle + 0.5 * widest_sun(ephemeris))

@@ -169,13 +169,14 @@ def illuminate(
             if write_day(folder / "day.webp", world, moments, above, captions, _FRAMES):
                 lines.append("day.webp, what the preview's eye sees")
         write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
+    known = light.known_hours
     heading = (
         *([f"removed from {out}: {', '.join(removed)}"] if removed else []),
         f"{utc_text(begin)} to {utc_text(end)}, {len(moments):,} moments; {_map_told(land, wish)}; "
         f"looked {land.told}",
-        f"sunlight {light.sunlight.mean():.4g} h of {hours:.4g} h on average, "
-        f"{light.sunlight.min():.4g} to {light.sunlight.max():.4g} h; "
-        f"{100 * light.never.mean():.3g} % of the ground is never lit",
+        f"sunlight {known.mean():.4g} h of {hours:.4g} h on average, "
+        f"{known.min():.4g} to {known.max():.4g} h; "
+        f"{100 * light.never_share:.3g} % of the ground is never lit",
     )
     return [*heading, *lines]
 

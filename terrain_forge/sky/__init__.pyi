@@ -5,6 +5,7 @@ from .above import highest_declination as highest_declination
 from .above import look_up as look_up
 from .above import planetographic as planetographic
 from .above import true_solar_time as true_solar_time
+from .above import widest_sun as widest_sun
 from .dust import SKY_STEPS as SKY_STEPS
 from .dust import Daylight as Daylight
 from .dust import beam as beam

@@ -16,6 +16,8 @@ SUN_RADIUS = 695_700.0
 """Nominal radius of the Sun [km], IAU 2015 resolution B3."""
 _STEP = 0.01
 """Days over which velocities are taken."""
+_CENTURY = np.arange(-18_262.0, 18_262.0, 3.0)
+"""Days between 1950 and 2050."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,10 +99,15 @@ def true_solar_time(part: float) -> str:
 
 def highest_declination(ephemeris: Ephemeris) -> float:
     """How far north or south of the equator the Sun's middle gets between 1950 and 2050 [rad]."""
-    days = np.arange(-18_262.0, 18_262.0, 3.0)
-    pole = axes(ephemeris.rotation, days)[:, 2]
-    towards = unit(-about_sun(ephemeris, days))
+    pole = axes(ephemeris.rotation, _CENTURY)[:, 2]
+    towards = unit(-about_sun(ephemeris, _CENTURY))
     return float(portable.arcsin(np.abs((pole * towards).sum(axis=1)).max()))
+
+
+def widest_sun(ephemeris: Ephemeris) -> float:
+    """The largest angle that the Sun fills between 1950 and 2050 [rad]."""
+    nearest = portable.norm(about_sun(ephemeris, _CENTURY)).min()
+    return 2.0 * float(portable.arcsin(SUN_RADIUS / nearest))
 
 
 def _on_ellipsoid(ephemeris: Ephemeris, lonlat: tuple[float, float]) -> tuple[Array, Array]:
