@@ -185,35 +185,53 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
         weight *= _relief_weight(mask.hollow, elevation, site.spacing, _AXES, np.mean)
     if mask.roughness is not None:
         weight *= _relief_weight(mask.roughness, elevation, site.spacing, _ALL_WAYS, _rms)
+    weight = weight_by_place(mask, weight, site=site, east=east, north=north)
+    return 1.0 - weight if mask.invert else weight
+
+
+def weight_by_place(mask: Mask, weight: Array, *, site: Site, east: Array, north: Array) -> Array:
+    """A weight times those of the mask's image and route, before `invert`, shape [north, east].
+
+    Beyond the site an image goes on as at its edge.
+
+    Args:
+        mask: The mask.
+        weight: Of a grid's nodes, 0 to 1, shape [north, east].
+        site: The site.
+        east: Of the columns [m].
+        north: Of the rows [m].
+    """
     if mask.image is not None:
         values = site.image(mask.image)
         rows, columns = values.shape
         across = _between((east - site.west) / site.size[0] * (columns - 1), columns)
         down = _between((north - site.south) / site.size[1] * (rows - 1), rows)
-        weight *= bilinear(values, across, down)
+        weight = weight * bilinear(values, across, down)
     if mask.route is not None:
         near = mask.route
         lines = [route.position for route in site.routes if near.path in (None, route.name)]
         farthest = max(near.beyond_m or 0.0, (near.within_m or 0.0) + near.fade_m) + site.spacing
         away = route_distance(lines, east=east, north=north, farthest=farthest)
-        weight *= _within(away, near.beyond_m, near.within_m, near.fade_m)
-    return 1.0 - weight if mask.invert else weight
+        weight = weight * _within(away, near.beyond_m, near.within_m, near.fade_m)
+    return weight
 
 
 def mask_weight_at(
     mask: Mask,
     *,
+    placed: Array,
     east: Array,
     north: Array,
     cell: float,
     height_at: Callable[[Array, Array], Array],
 ) -> Array:
-    """Weight of single points, 0 to 1, by the ground's conditions alone, shape [points].
+    """Weight of single points, 0 to 1, shape [points].
 
-    As `mask_weight` on a grid of `cell` [m] through each point. Images and routes are left out.
+    As `mask_weight` on a grid of `cell` [m] through each point.
 
     Args:
         mask: The mask.
+        placed: Their `weight_by_place`, shape [points].
         east: Of the points [m], shape [points].
         north: Of the points [m], shape [points].
         cell: How closely the ground is known there [m].
@@ -225,7 +243,7 @@ def mask_weight_at(
         steps = np.array([-away, 0.0, away])
         return height_at(east + steps[None, :, None], north + steps[:, None, None]), away
 
-    weight = np.ones_like(east)
+    weight = placed.copy()
     if mask.height is not None:
         band = mask.height
         weight *= _within(height_at(east, north), band.above_m, band.below_m, band.fade_m)

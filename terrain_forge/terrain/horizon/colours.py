@@ -3,7 +3,8 @@
 They go on by the rule that they have on the site: the same patches, and masks by the ground's
 slope, height and relief there. Where nodes lie too far apart for that, a material has the share
 that it has on the site. With distance all of it fades to the regolith, so that no material tints
-the land out to the horizon. Masks by images and routes end within some patches of the border.
+the land out to the horizon. An image goes on as at its edge, a route's distance is known anywhere,
+but what is masked by them ends within some patches of the border.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.model import Appearance, Site
 from terrain_forge.terrain.horizon.rings import Ring
-from terrain_forge.terrain.masks import fade, mask_weight_at
+from terrain_forge.terrain.masks import Mask, fade, mask_weight_at, weight_by_place
 from terrain_forge.terrain.materials import MaterialSpec, patch_ranks
 
 _LEAST = 0.01
@@ -106,22 +107,40 @@ def _share(
     """How much of a ring's nodes a material covers, shape [nodes].
 
     Where neighbouring nodes and rings are `cell` [m] apart it lies on some, and on others not;
-    where that is wider than its patches, on each to the part that is usual.
+    where that is wider than its patches, on each to the part that is usual, or that an image or a
+    route says.
     """
-    mask = spec.mask
+    mask, count = spec.mask, len(ring.points)
+    placed = mask is not None and (mask.image is not None or mask.route is not None)
+    ended = float(fade(np.array(ring.away), 0.0, _ENDED * spec.patch_m)) if placed else 1.0
     bands = () if mask is None else (mask.slope, mask.hollow, mask.roughness)
     scale = min([spec.patch_m, *(band.baseline_m for band in bands if band is not None)])
     known = float(fade(np.array(cell), 0.25 * scale, scale))
-    share = np.full(len(ring.points), usual)
-    if known > 0.0:
-        weight = np.full(len(share), spec.cover)
-        if mask is not None:
-            east, north = ring.points.T
-            weight *= mask_weight_at(mask, east=east, north=north, cell=cell, height_at=height_at)
-        share = known * (_ranks(spec, ring, cell, site) < weight) + (1.0 - known) * usual
-    if mask is not None and (mask.image is not None or mask.route is not None):
-        share = share * fade(np.array(ring.away), 0.0, _ENDED * spec.patch_m)
-    return share
+    if ended == 0.0 or not (placed or known):
+        return np.full(count, ended * usual)
+    weight = np.full(count, spec.cover)
+    if mask is not None:
+        east, north = ring.points.T
+        weight *= mask_weight_at(
+            mask, placed=_by_place(mask, ring, site), east=east, north=north, cell=cell,
+            height_at=height_at,
+        )  # fmt: skip
+    there = known * (_ranks(spec, ring, cell, site) < weight)
+    return np.asarray(ended * (there + (1.0 - known) * (weight if placed else usual)))
+
+
+def _by_place(mask: Mask, ring: Ring, site: Site) -> Array:
+    """What a mask's image and route make of a ring's nodes, shape [nodes]."""
+    weights, first = [], 0
+    for number, part in enumerate(ring.parts):
+        points = ring.points[first : first + len(part) - 1]
+        lines = [points[:, 0], points[:, 1]]
+        lines[1 - number % 2] = lines[1 - number % 2][:1]  # one row or column of nodes
+        (east, north), shape = lines, (len(lines[1]), len(lines[0]))
+        weight = weight_by_place(mask, np.ones(shape), site=site, east=east, north=north)
+        weights.append(weight.ravel())
+        first += len(points)
+    return np.concatenate(weights)
 
 
 def _ranks(spec: MaterialSpec, ring: Ring, cell: float, site: Site) -> Array:

@@ -11,11 +11,19 @@ from PIL import Image as Picture
 from terrain_forge.base import linear_from_srgb
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_horizon, plan
+from terrain_forge.paths import PathSpec, Spline
 from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, MaterialSpec, mask_weight, paint, shape_ground
 from terrain_forge.terrain.horizon.colours import material_tints, regolith_colour
 from terrain_forge.terrain.horizon.rings import rings_around
-from terrain_forge.terrain.masks import HeightBand, Mask, ReliefBand, SlopeBand, mask_weight_at
+from terrain_forge.terrain.masks import (
+    HeightBand,
+    Mask,
+    ReliefBand,
+    RouteBand,
+    SlopeBand,
+    mask_weight_at,
+)
 from tests.helpers import worlds
 
 GREEN = MaterialSpec(kind="own", rgb=(0.1, 0.7, 0.2), friction=0.5, cover=0.3, patch_m=6.0)
@@ -45,6 +53,14 @@ def greenness(rgb: np.ndarray) -> np.ndarray:
     """Linear green over red."""
     linear = linear_from_srgb(np.asarray(rgb) / 255.0)
     return np.asarray(linear[..., 1] / linear[..., 0])
+
+
+def on_rings(ground, horizon):
+    """Each ring with the colours of its nodes."""
+    start = 0
+    for ring in rings_around(ground, horizon.reach):
+        yield ring, horizon.rgb[start : start + len(ring.points)]
+        start += len(ring.points)
 
 
 @pytest.mark.parametrize("mask", [None, NO_IMAGE])
@@ -111,6 +127,48 @@ def test_a_mask_by_an_image_ends_beyond_the_border(tmp_path):
     assert outside == pytest.approx([float(regolith)] * len(outside), rel=0.05)
 
 
+@pytest.mark.parametrize("invert", [False, True])
+def test_a_masked_material_goes_on_from_what_lies_at_the_border(tmp_path, invert):
+    """West of the site the image is white, east of it black; there was a halo all around."""
+    values = np.zeros((8, 8), np.uint8)
+    values[:, :4] = 255
+    Picture.fromarray(values).save(tmp_path / "west.png")
+    mask = Mask(image="west.png", invert=invert)
+    green = replace(GREEN, mask=mask, cover=1.0, patch_m=3.0)
+    _, ground, looks, horizon = made(recipe(green, size=40.0), tmp_path)
+    regolith = float(greenness(255.0 * np.array(looks.materials[0].rgb)))
+    sides = {True: [], False: []}
+    for ring, rgb in on_rings(ground, horizon):
+        east = ring.points[:, 0]
+        if 0.0 < ring.away < 1.0:
+            for west in sides:
+                side = east < -15.0 if west else east > 15.0
+                sides[west].append(greenness(rgb[side]))
+    with_green, without = (np.concatenate(sides[west]) for west in (not invert, invert))
+    assert np.median(with_green) > 4.0 * regolith
+    assert without == pytest.approx(np.full(len(without), regolith), rel=0.05)
+
+
+def test_a_route_s_material_lies_beyond_where_the_route_is_near():
+    green = replace(
+        GREEN, mask=Mask(route=RouteBand(within_m=3.0)), cover=1.0, patch_m=3.0
+    )  # fmt: skip
+    path = PathSpec(
+        name="east", route=Spline(points_m=((-10.0, 0.0), (0.0, 0.0), (19.0, 0.0))), speed_m_s=0.3
+    )
+    _, ground, looks, horizon = made(replace(recipe(green, size=40.0), paths=(path,)))
+    regolith = float(greenness(255.0 * np.array(looks.materials[0].rgb)))
+    near, far = [], []
+    for ring, rgb in on_rings(ground, horizon):
+        if 0.0 < ring.away < 1.0:
+            away = np.hypot(ring.points[:, 0] - 19.0, ring.points[:, 1])
+            near.append(greenness(rgb[away < 2.5]))
+            far.append(greenness(rgb[away > 4.0]))
+    assert np.median(np.concatenate(near)) > 4.0 * regolith
+    far = np.concatenate(far)
+    assert far == pytest.approx(np.full(len(far), regolith), rel=0.05)
+
+
 MASKS = [
     Mask(slope=SlopeBand(above_deg=6.0, fade_deg=4.0, baseline_m=1.0)),
     Mask(hollow=ReliefBand(above_m=0.0, fade_m=0.02, baseline_m=2.0)),
@@ -128,7 +186,8 @@ def test_a_point_has_the_weight_that_it_has_on_a_grid(mask):
     whole = mask_weight(mask, site=site, window=site.window, elevation=z)
     j, i = (part.ravel() for part in np.mgrid[10:70:3, 10:70:3])
     found = mask_weight_at(
-        mask, east=ground.east[i], north=ground.north[j], cell=0.25, height_at=ground.height_at
-    )
+        mask, placed=np.ones(len(i)), east=ground.east[i], north=ground.north[j], cell=0.25,
+        height_at=ground.height_at,
+    )  # fmt: skip
     assert 0.05 < whole.mean() < 0.95
     assert found == pytest.approx(whole[j, i], abs=1e-6)
