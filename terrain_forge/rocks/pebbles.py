@@ -20,7 +20,7 @@ from terrain_forge.rocks.near_paths import path_distance, path_points
 MOST_PEBBLES = 2_000_000
 """Pebbles that one world may have."""
 FIRST_ID = 2**30
-"""Id of the first; rocks have lower ones."""
+"""Least id of the first; it is above those of all rocks."""
 _CELL = 0.5  # side of the squares that are drawn by themselves [m]
 _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
 
@@ -28,7 +28,7 @@ _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
 def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     """Pebbles from a diameter [m] on, up to a distance from the world's paths [m].
 
-    The same pebbles lie in any window.
+    The same pebbles lie in any window. Their ids are above those of the world's rocks.
 
     Raises:
         ExportError: if no law tells their number, or if there would be too many.
@@ -60,7 +60,7 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
 def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World:
     """The world as pictures and sensors near its paths see it: with pebbles among its rocks.
 
-    They are visual-only rocks of the population with the smallest ones, with ids above all others.
+    They are visual-only rocks of the population with the smallest ones.
 
     Args:
         world: The world, which stays as it is.
@@ -71,9 +71,7 @@ def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World
         ExportError: if no law tells their number, or if there would be too many.
     """
     pebbles = path_pebbles(world, smallest=smallest, within=within)
-    last = max(int(rocks.id.max(initial=-1)) for rocks in (world.field, world.neighbours))
-    ids = max(FIRST_ID, last + 1) + np.arange(len(pebbles))
-    return world.replace(field=merge(world.field, pebbles.replace(id=ids.astype(np.int32))))
+    return world.replace(field=merge(world.field, pebbles))
 
 
 def _law(world: World, smallest: float) -> tuple[Any, float]:
@@ -132,10 +130,11 @@ def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Arr
     prototype = ((hashes >> np.uint64(32)) % np.uint64(len(shapes))).astype(np.int32)
     volume = np.array([shape.volume for shape in shapes])[prototype] * diameter**3
     populations = world.site.recipe.rocks.populations
+    last = max(int(rocks.id.max(initial=-1)) for rocks in (world.field, world.neighbours))
     finest = int(np.argmin([_smallest(population) for population in populations]))
     return RockField(
         populations=world.field.populations,
-        id=(FIRST_ID + np.arange(count)).astype(np.int32),
+        id=(max(FIRST_ID, last + 1) + np.arange(count)).astype(np.int32),
         population=np.full(count, finest, np.int32),
         prototype=prototype,
         position=np.column_stack([places, height + _HIGH * diameter]),

@@ -70,6 +70,7 @@ def rocks_beyond(
     library: RockLibrary,
     bounds: Bounds,
     width: float,
+    reach: float,
     height_at: Callable[[Array, Array], Array],
 ) -> RocksBeyond:
     """Rocks in a belt around a world, as many as the populations' laws say.
@@ -84,6 +85,7 @@ def rocks_beyond(
         library: The shapes.
         bounds: West, south, east, north edge of the world [m].
         width: Of the belt [m].
+        reach: How far from the border there is ground [m]; no rock lies over its end.
         height_at: Height of the ground beyond at points east and north [m].
     """
     shapes = [_shape_levels(prototype.meshes) for prototype in library.prototypes]
@@ -92,7 +94,7 @@ def rocks_beyond(
     vertices, faces, population, draw = [np.empty((0, 3))], [_NO_FACES], [_NO], [np.empty(0)]
     count = first = 0
     for number, spec in enumerate(populations):
-        each = [_draw(site, spec, strip, bounds, n) for n, strip in enumerate(strips)]
+        each = [_draw(site, spec, strip, bounds, n, reach) for n, strip in enumerate(strips)]
         drawn, away = np.concatenate(each), np.repeat([s.inner for s in strips], [*map(len, each)])
         foot = _FOOT * drawn[:, 2]
         around = [height_at(drawn[:, 0] + a * foot, drawn[:, 1] + b * foot) for a, b in _AROUND]
@@ -171,7 +173,9 @@ def _between(spec: PopulationSpec, least: float) -> tuple[float, float]:
     return min(max(low, least), high), high
 
 
-def _draw(site: Site, spec: PopulationSpec, strip: _Strip, bounds: Bounds, number: int) -> Array:
+def _draw(
+    site: Site, spec: PopulationSpec, strip: _Strip, bounds: Bounds, number: int, reach: float
+) -> Array:
     """East, north, diameter [m], and three draws of 0 to 1, of each rock, shape [rocks, 6]."""
     low, high = _between(spec, strip.least)
     mean = strip.area * spec.density(low, high)
@@ -188,7 +192,8 @@ def _draw(site: Site, spec: PopulationSpec, strip: _Strip, bounds: Bounds, numbe
     x, y = _around_bounds(drawn[:, :2], strip, bounds)
     west, south, east, north = bounds
     away = np.maximum(np.maximum(west - x, x - east), np.maximum(south - y, y - north))
-    return np.asarray(np.column_stack([x, y, size, drawn[:, 3:]])[away > 0.75 * size])
+    room = np.minimum(away, reach - away)
+    return np.asarray(np.column_stack([x, y, size, drawn[:, 3:]])[room > 0.75 * size])
 
 
 def _around_bounds(draws: Array, strip: _Strip, bounds: Bounds) -> tuple[Array, Array]:

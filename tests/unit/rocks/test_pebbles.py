@@ -141,3 +141,12 @@ def test_however_far_they_end_at_the_border(world):
     farther = path_pebbles(world, smallest=0.1, within=1e6)
     assert len(all_over) > 50
     assert np.array_equal(all_over.position, farther.position)
+
+
+def test_ids_are_above_those_of_rocks_of_a_very_large_site(world):
+    far = world.replace(field=world.field.replace(id=world.field.id + np.int32(2**30)))
+    pebbles = path_pebbles(far, smallest=0.05, within=1.0)
+    assert pebbles.id.min() > far.field.id.max()
+    assert len(np.unique(with_pebbles(far, smallest=0.05, within=1.0).field.id)) == len(
+        far.field
+    ) + len(pebbles)

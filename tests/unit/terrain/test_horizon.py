@@ -206,6 +206,19 @@ def test_rocks_beyond_are_as_many_as_the_law_says_and_lie_outside(tmp_path):
     assert made(nothing, tmp_path)[2] is None
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_rocks_lie_on_the_ground_that_a_small_reach_leaves(tmp_path, seed):
+    law = Golombek(k=0.1)
+    rocks = RocksSpec(
+        populations=(PopulationSpec(name="r", size_frequency=law, diameter_m=(0.2, 2.0)),)
+    )
+    near = recipe(FlatDtm(size_m=(64.0, 64.0)), HorizonSpec(reach_m=3.0), rocks=rocks)
+    _, _, horizon = made(replace(near, seed=seed), tmp_path)
+    stones = horizon.mesh.vertices[horizon.ground_vertices :]
+    assert horizon.rocks > 10
+    assert np.abs(stones[:, :2]).max() < 32.0 + horizon.reach
+
+
 def test_small_rocks_next_to_the_border_have_few_corners(tmp_path):
     law = Golombek(k=0.1)
     rocks = RocksSpec(
