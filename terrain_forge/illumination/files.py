@@ -135,7 +135,7 @@ def _write_frames(path: Path, frames: list[Image.Image]) -> bool:
 
 
 def shaded(land: Land, sun: Array, percent: NDArray[np.uint8], caption: str) -> Image.Image:
-    """The map in the light of a moment; what no Sun reaches is dark blue, what is not known brown."""
+    """The map in the light of a moment; no Sun is dark blue, what is not known brown."""
     rise_north, rise_east = np.gradient(land.grid.elevation, land.grid.spacing)
     facing = (sun[2] - rise_east * sun[0] - rise_north * sun[1]) / np.sqrt(
         1.0 + rise_east**2 + rise_north**2
