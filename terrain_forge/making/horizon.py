@@ -9,8 +9,8 @@ import numpy as np
 from terrain_forge.base import linear_from_srgb, srgb_from_linear
 from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, RockLibrary, Site
 from terrain_forge.rocks import rocks_beyond
-from terrain_forge.scene import dust_on, tints_of
-from terrain_forge.terrain import heights_beyond, regolith_colour, shape_horizon, tinted
+from terrain_forge.scene import dust_on, soil_of, tints_of
+from terrain_forge.terrain import heights_beyond, shape_horizon
 from terrain_forge.writers import vertex_normals
 
 
@@ -45,14 +45,15 @@ def make_horizon(
         library=library,
         bounds=ground.bounds,
         width=width,
+        reach=land.reach,
         height_at=partial(heights_beyond, ground, land),
     )
     normals = vertex_normals(rocks.mesh.vertices, rocks.mesh.faces)
     bare = linear_from_srgb(appearance.rock_rgb / 255.0)[:, None, :]
-    soil = regolith_colour(tinted(site, appearance))
+    soil = soil_of(site, appearance)
     colours = tints_of(bare, soil)
     albedo = colours[rocks.population, (rocks.draw * colours.shape[1]).astype(np.int64)]
-    dust = dust_on(normals[:, 2:], airy=max(site.body.sky_rgb) > 0.0)
+    dust = dust_on(normals[:, 2:], airless=site.body.airless)
     mixed = albedo + dust * (soil - albedo)
     rgb = np.round(255.0 * np.clip(srgb_from_linear(mixed), 0.0, 1.0))
     first = np.int32(len(land.mesh.vertices))

@@ -50,6 +50,7 @@ from .tints import dust_share as dust_share
 from .tints import dusty_factors as dusty_factors
 from .tints import rock_tints as rock_tints
 from .tints import soil_colour as soil_colour
+from .tints import soil_of as soil_of
 from .tints import tint_colours as tint_colours
 from .tints import tints_of as tints_of
 from .tints import tones as tones

@@ -14,7 +14,7 @@ from terrain_forge.scene.light import Light, triple
 from terrain_forge.scene.photometry import photometric_law, reflected
 from terrain_forge.scene.scene import RayScene
 from terrain_forge.scene.subject import Subject
-from terrain_forge.scene.tints import TOP_DUST, TOP_DUST_AIRLESS
+from terrain_forge.scene.tints import top_dust
 from terrain_forge.sky import SKY_STEPS, daylight
 from terrain_forge.writers import vertex_normals
 
@@ -52,7 +52,6 @@ def prepare_stones(scene: RayScene) -> Stones:
     """The instances."""
     stones = scene.subject.instances
     faces, normals, first = _shapes(stones.meshes)
-    airy = max(scene.subject.lighting.sky_rgb) > 0.0
     return Stones(
         centre=stones.position - scene.origin,
         rotation=stones.rotation,
@@ -63,7 +62,7 @@ def prepare_stones(scene: RayScene) -> Stones:
         first_face=first[stones.mesh],
         faces=faces,
         normals=normals,
-        dust=TOP_DUST if airy else TOP_DUST_AIRLESS,
+        dust=top_dust(scene.subject.airless),
     )
 
 

@@ -69,6 +69,8 @@ class Subject(Record):
     """Seed of the fine texture."""
     photometry: Photometry | None = None
     """How ground and instances send light back; None for Lambert's law."""
+    airless: bool = False
+    """Whether the body has no wind: less dust lies on its rocks."""
     tracks: tuple[Array, ...] = ()
     """Paths that wheels have left tracks along, east and north [m], shape [points, 2] each."""
     half_gauge: float = 0.5
@@ -137,6 +139,7 @@ def subject_of(world: World, *, close: bool = False) -> Subject:
         sun_diameter=world.sun_diameter,
         seed=world.site.seed,
         photometry=world.site.body.photometry,
+        airless=world.site.body.airless,
         horizon=world.horizon,
         tracks=tuple(trajectory.position[:, :2] for trajectory in world.trajectories),
         **wheels,

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, linear_from_srgb
-from terrain_forge.model import RockField, World
+from terrain_forge.dtm import patch_pixels
+from terrain_forge.model import Appearance, RockField, Site, World
 
 _TINTS = np.array(
     [(0.78, 0.06), (0.92, 0.28), (1.06, 0.12), (1.0, 0.45), (1.16, 0.2), (0.86, 0.36)]
@@ -23,6 +24,8 @@ DUST_FROM, DUST_OVER = 0.35, 0.5
 """Rise of a face's normal from which dust lies on it, and what more it takes for all of it."""
 DUST_VALUE = 1.0
 """What a place's brightness over the texture's mean, less 1, adds to that rise."""
+_SAMPLES = 65
+"""Places each way at which the mean of an orthoimage is taken."""
 SOILED = 0.4
 """How much of the texture's contrast shows on what dust lies on."""
 
@@ -59,20 +62,38 @@ def dusty_factors(world: World, population: int, up: Array) -> Array:
 
 def dust_share(world: World, up: Array) -> Array:
     """How much of the soil's colour lies on what rises so far, 0 to 1."""
-    return dust_on(up, airy=max(world.lighting.sky_rgb) > 0.0)
+    return dust_on(up, airless=world.site.body.airless)
 
 
-def dust_on(up: Array, *, airy: bool) -> Array:
-    """As `dust_share`, on a body with air or without."""
-    most = TOP_DUST if airy else TOP_DUST_AIRLESS
-    return np.asarray(most * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0))
+def dust_on(up: Array, *, airless: bool) -> Array:
+    """As `dust_share`, on a body without air or with some, however clear it is today."""
+    return np.asarray(top_dust(airless) * np.clip((up - DUST_FROM) / DUST_OVER, 0.0, 1.0))
+
+
+def top_dust(airless: bool) -> float:
+    """How much of the soil's colour lies on what looks up."""
+    return TOP_DUST_AIRLESS if airless else TOP_DUST
 
 
 def soil_colour(world: World) -> Array:
-    """Linear colour of the regolith, shape [3]."""
-    looks = world.appearance
-    known = looks.materials[0].rgb if looks.materials else world.site.body.ground_rgb
-    return linear_from_srgb(known)
+    """Linear colour of the regolith, shape [3]; of all of a site, so the same in its tiles."""
+    return soil_of(world.site, world.appearance)
+
+
+def soil_of(site: Site, looks: Appearance) -> Array:
+    """As `soil_colour`: what an orthoimage shows on average, where it has colours."""
+    picture = site.orthoimage
+    if picture is not None and picture.albedo.shape[2] == 3:
+        steps = np.linspace(-0.5, 0.5, _SAMPLES)
+        places = np.meshgrid(steps * site.size[0], steps * site.size[1])
+        column, row = (
+            np.clip(np.rint(index), 0, length - 1).astype(np.int64)
+            for index, length in zip(
+                patch_pixels(picture, site.crs, *places), picture.albedo.shape[1::-1], strict=True
+            )
+        )
+        return np.asarray(picture.albedo[row, column].mean(axis=(0, 1), dtype=np.float64))
+    return linear_from_srgb(looks.materials[0].rgb if looks.materials else site.body.ground_rgb)
 
 
 def rock_colours(world: World, rocks: RockField) -> Array:

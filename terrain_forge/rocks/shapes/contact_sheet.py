@@ -74,6 +74,7 @@ def render_contact_sheet(
         sun_diameter=body.sun_diameter,
         seed=_SEED,
         photometry=body.photometry,
+        airless=body.airless,
     )
     with RayScene(stage) as scene:
         return take_picture(scene, camera)
