@@ -383,7 +383,7 @@ def test_a_motion_shorter_than_a_sweep_is_refused(hill):
     ],
 )
 def test_what_cannot_be_is_refused(fields, message):
-    with pytest.raises(ValidationError, match=message):
+    with pytest.raises((ValidationError, RecipeError), match=message):
         _lidar(**{"preset": ""} | fields)
 
 
