@@ -21,7 +21,10 @@ MEASURES = {
     "TDr": ("drift", "median", 100.0, "%"),
     "RPE": ("rpe_m", "median", 1.0, "m"),
 }
-"""Figures whose effects are told: key of the score, part of it, factor, unit."""
+"""Figures of errors whose effects are told: key of the score, part of it, factor, unit."""
+TRACKED = "tracked"
+UNITS = {**{name: unit for name, (*_, unit) in MEASURES.items()}, TRACKED: "%"}
+"""All measures whose effects are told, and their units."""
 MAIN = "ATE"
 """The measure that is drawn."""
 
@@ -43,9 +46,14 @@ class Outcome:
     length: float | None
     """Length of the true path [m]."""
     tracked: float | None
-    """Part of the time in which it was not lost [%]."""
+    """Part of the time in which it was not lost [%]: nothing of a run without a score; None where
+    none was run."""
     figures: Mapping[str, float | None]
     """By the names of `MEASURES`, in their units."""
+
+    def figure(self, measure: str) -> float | None:
+        """The figure of a measure of `UNITS`, in its unit."""
+        return self.tracked if measure == TRACKED else self.figures[measure]
 
 
 def outcomes_of(study: Study, results: Sequence[Mapping[str, Any]]) -> list[Outcome]:
@@ -81,7 +89,7 @@ def _outcome(
         status=str(wrong["status"]) if wrong else "done",
         why=str(wrong["why"]) if wrong else "",
         length=median(score["length_m"] for score in scores),
-        tracked=median(100.0 * score["tracked"] for score in scores),
+        tracked=median(100.0 * one["score"]["tracked"] if one["score"] else 0.0 for one in runs),
         figures=figures,
     )
 
@@ -97,7 +105,7 @@ class Effect:
     system: str
     """The system."""
     measure: str
-    """One of `MEASURES`."""
+    """One of `UNITS`."""
     values: tuple[float, ...]
     """The figures of the cells."""
     cells: int
@@ -132,7 +140,7 @@ def effects_of(study: Study, outcomes: Sequence[Outcome]) -> list[Effect]:
             if study.file.spec.design == "each":
                 mine = [one for one in mine if rest.items() <= dict(one.cell.levels).items()]
             for level in factor.levels:
-                for measure in MEASURES:
+                for measure in UNITS:
                     found.append(
                         _effect(factor.name, level.name, first, adapter.name, measure, mine)
                     )
@@ -144,16 +152,16 @@ def _effect(
 ) -> Effect:
     here = [one for one in outcomes if dict(one.cell.levels)[factor] == level]
     base = {
-        _others(one, factor): one.figures[measure]
+        _others(one, factor): one.figure(measure)
         for one in outcomes
         if dict(one.cell.levels)[factor] == first
     }
     ratios = []
     for one in here:
-        figure, reference = one.figures[measure], base.get(_others(one, factor))
+        figure, reference = one.figure(measure), base.get(_others(one, factor))
         if level != first and figure is not None and reference:
             ratios.append(figure / reference)
-    values = [one.figures[measure] for one in here]
+    values = [one.figure(measure) for one in here]
     return Effect(
         factor=factor,
         level=level,
@@ -176,8 +184,8 @@ def effect_rows(effects: Sequence[Effect], *measures: str) -> list[list[str]]:
     """The cells of the table of effects on some measures, or all, its heading first."""
     head = "factor", "level", "system", "measure", "scored", "median", "range"
     rows = [[*head, "times the first", "range of that"]]
-    for measure in measures or MEASURES:
-        unit = MEASURES[measure][3]
+    for measure in measures or UNITS:
+        unit = UNITS[measure]
         for one in effects:
             if one.measure == measure:
                 scored = f"{len(one.values)} of {one.cells}"

@@ -25,15 +25,7 @@ from terrain_forge.studies.spec import RecordSpec
 JOB, RESULT, LOG = "job.json", "result.json", "log.txt"
 KEPT = "slam"
 """What is kept of an evaluation: trajectories, errors, tables."""
-_KINDS = {
-    "mono": ("camera", "stereo"),
-    "stereo": ("stereo",),
-    "rgbd": ("camera", "stereo"),
-    "lidar": ("lidar",),
-    "imu": ("imu",),
-    "odometry": ("odometry",),
-}
-"""Kinds of sensors that serve a system's need; tables, such as an IMU's, are always recorded."""
+_EYES = "camera", "stereo"
 
 
 def sensors_for(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> tuple[str, ...]:
@@ -41,25 +33,37 @@ def sensors_for(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> tuple[st
     if only := RecordSpec(**job["record"]).only:
         return tuple(only)
     systems = [adapter_of(plain) for plain in job["systems"]]
-    needs = [need for system in systems for need in system.needs]
     if not all(system.needs for system in systems):
         return ()  # one that says nothing may use anything
-    wanted = {kind for need in needs for kind in _KINDS.get(need, ())}
+    needs = {need for system in systems for need in system.needs}
+    wanted = {one.name for need in needs for one in serving(need, sensors)}
     kinds = instrument_kinds()
     known = [one for one in sensors if one.kind in kinds]
-    return tuple(
-        one.name for one in known if one.kind in wanted or not issubclass(kinds[one.kind], Frames)
+    return tuple(  # tables, such as an IMU's, cost next to nothing
+        one.name for one in known if one.name in wanted or not issubclass(kinds[one.kind], Frames)
     )
+
+
+def serving(need: str, sensors: tuple[Sensor, ...]) -> list[Sensor]:
+    """The sensors that serve a system's need: for `stereo` pairs, or else cameras in plural."""
+    eyes = [one for one in sensors if one.kind in _EYES]
+    if need == "mono":
+        return eyes
+    if need == "rgbd":
+        return [one for one in eyes if "depth" in getattr(one, "channels", ())]
+    if need == "stereo":
+        cameras = [one for one in eyes if one.kind == "camera"]
+        found = [one for one in eyes if one.kind == "stereo"]
+        return found or (cameras if len(cameras) > 1 else [])
+    return [one for one in sensors if one.kind == need]
 
 
 def lacking(job: Mapping[str, Any], sensors: tuple[Sensor, ...]) -> dict[str, list[str]]:
     """What systems need that none of a rover's sensors serves, by their names."""
-    kinds = [one.kind for one in sensors]
-    served: set[str] = {need for need, serve in _KINDS.items() if set(serve) & set(kinds)}
-    if kinds.count("camera") > 1:  # which may be a pair
-        served.add("stereo")
     systems = [adapter_of(plain) for plain in job["systems"]]
-    found = {one.name: [str(n) for n in one.needs if n not in served] for one in systems}
+    found = {
+        one.name: [str(need) for need in one.needs if not serving(need, sensors)] for one in systems
+    }
     return {name: needs for name, needs in found.items() if needs}
 
 

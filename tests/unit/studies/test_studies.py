@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from terrain_forge import model
 from terrain_forge.base import OutputError, RecipeError, StorageError
 from terrain_forge.studies import (
     costs_of,
@@ -28,7 +29,7 @@ from terrain_forge.studies import (
 from terrain_forge.studies import running as running_file
 from terrain_forge.studies.effects import outcomes_of, write_tables
 from terrain_forge.studies.factors import places_of
-from terrain_forge.studies.worker import carry_out
+from terrain_forge.studies.worker import carry_out, lacking, sensors_for
 from tests.helpers.command_line import run
 
 RECIPE = """
@@ -213,6 +214,15 @@ def test_effects_compare_worlds_that_are_alike_else(written, tmp_path):
     np.testing.assert_allclose(cover.ratios, [10.0] * 3)
     first = effect_rows(effects)[1]
     assert first[:5] == ["sensors.wheels.slip", "0", "wheel-odometry", "ATE [m]", "3 of 4"]
+    tracked = [one for one in effects_of(study, outcomes) if one.measure == "tracked"]
+    assert {value for one in tracked for value in one.values} == {100.0}
+    lost = {"status": "lost", "why": "", "score": None, "system": "wheel-odometry"}
+    results[1] = {"status": "done", "why": "", "results": [lost]}
+    tracked = [
+        one for one in effects_of(study, outcomes_of(study, results)) if one.measure == "tracked"
+    ]
+    assert sorted(tracked[0].values) == [0.0, 100.0, 100.0]  # that of no world tells nothing
+    assert effect_rows(tracked, "tracked")[1][3:6] == ["tracked [%]", "3 of 4", "100"]
     write_tables(study, outcomes, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -413,3 +423,25 @@ def test_programs_that_a_study_brings_run_by_an_explicit_word(written, tmp_path,
 def test_studies_that_ship_bring_none():
     for name in shipped_studies():
         assert read_study(name).systems
+
+
+def test_what_serves_a_need_is_recorded(written, tmp_path):
+    """Two cameras where no stereo is, and for depth those alone that record it."""
+    (tmp_path / "eyes.yaml").write_text("command: x\nneeds: [stereo]\n")
+    (tmp_path / "deep.yaml").write_text("command: x\nneeds: [rgbd]\n")
+
+    def chosen(system, sensors):
+        change = ("systems: [wheel-odometry]", f"systems: [{system}.yaml]")
+        (cell, *_) = study_of(read_study(written(change), trust=True)).cells
+        return sensors_for(cell.job, sensors), lacking(cell.job, sensors)
+
+    one, other = (model.CameraSensor(name=name) for name in ("one", "other"))
+    pair, deep = (
+        model.StereoSensor(name="pair"),
+        model.CameraSensor(name="deep", channels=("depth",)),
+    )
+    assert chosen("eyes", (one, other)) == (("one", "other"), {})
+    assert chosen("eyes", (one, pair)) == (("pair",), {})
+    assert chosen("eyes", (one,)) == ((), {"eyes": ["stereo"]})
+    assert chosen("deep", (one, deep)) == (("deep",), {})
+    assert chosen("deep", (one, pair)) == ((), {"deep": ["rgbd"]})
