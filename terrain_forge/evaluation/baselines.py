@@ -30,14 +30,16 @@ def stereo(recording: Recording) -> TimedPoses:
         raise DataError(str(error)) from None
     left, right = pair.left, pair.right
     stream = straight_stream(left)
-    focal, _, column, row = left.intrinsics.tolist()
+    across, down, column, row = left.intrinsics.tolist()
 
     def images() -> Iterator[tuple[float, NDArray[np.uint8], NDArray[np.uint8]]]:
         for number, stamp in enumerate(left.stamps.tolist()):
             one, other = (grey(picture_of(camera, number, stream)) for camera in (left, right))
             yield stamp / 1e9, one, other
 
-    return stereo_odometry(images(), focal=focal, centre=(column, row), baseline=pair.baseline)
+    return stereo_odometry(
+        images(), focal=(across, down), centre=(column, row), baseline=pair.baseline
+    )
 
 
 def wheels(recording: Recording) -> TimedPoses:

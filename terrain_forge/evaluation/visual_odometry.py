@@ -36,7 +36,7 @@ class _Keyframe(NamedTuple):
 def stereo_odometry(
     pairs: Iterable[tuple[float, NDArray[np.uint8], NDArray[np.uint8]]],
     *,
-    focal: float,
+    focal: tuple[float, float],
     centre: tuple[float, float],
     baseline: float,
 ) -> TimedPoses:
@@ -48,7 +48,7 @@ def stereo_odometry(
 
     Args:
         pairs: Time [s], left and right image, shape [rows, columns].
-        focal: Focal length of both [px].
+        focal: Focal lengths of both, across and down [px].
         centre: Principal point, column and row; the first pixel's centre is 0.
         baseline: Distance of the cameras [m].
 
@@ -56,7 +56,7 @@ def stereo_odometry(
         DataError: if OpenCV is missing, or fewer than two pairs give a pose.
     """
     cv2 = _opencv()
-    camera = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]])
+    camera = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1.0]])
     times: list[float] = []
     places: list[Array] = []
     turns: list[Array] = []
@@ -142,7 +142,7 @@ def _triangulated(
     seen &= (np.abs(pixels[:, 1] - other[:, 1]) < _ROWS) & (disparity > _DISPARITY)
     pixels, disparity = pixels[seen], disparity[seen].astype(np.float64)
     depth = camera[0, 0] * baseline / disparity
-    rays = (pixels.astype(np.float64) - camera[:2, 2]) / camera[0, 0]
+    rays = (pixels.astype(np.float64) - camera[:2, 2]) / camera[[0, 1], [0, 1]]
     return pixels, np.column_stack([rays * depth[:, None], depth])
 
 

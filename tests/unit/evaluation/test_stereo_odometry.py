@@ -54,9 +54,9 @@ def _seen():
         yield 0.1 * n, place, turn, *pair
 
 
-def _told(order=1, count=_COUNT):
-    pairs = ((time, *pair[::order]) for time, _, _, *pair in _pairs()[:count])
-    return stereo_odometry(pairs, focal=_FOCAL, centre=_CENTRE, baseline=_BASELINE)
+def _told(order=1, count=_COUNT, pairs=_pairs, focal=(_FOCAL, _FOCAL), centre=_CENTRE):
+    seen = ((time, *pair[::order]) for time, _, _, *pair in pairs()[:count])
+    return stereo_odometry(seen, focal=focal, centre=centre, baseline=_BASELINE)
 
 
 def test_it_finds_the_motion():
@@ -74,6 +74,20 @@ def test_it_finds_the_motion():
     assert found.poses == _COUNT
     assert found.ate.most < 0.01
     assert _told() == told
+
+
+def test_pixels_need_not_be_square():
+    """The same pictures with rows a quarter closer to each other."""
+
+    def squeezed():
+        return [
+            (*rest, *(cv2.resize(one, None, fx=1.0, fy=1.25) for one in pair))
+            for *rest, pair in ((*told[:3], told[3:]) for told in _pairs())
+        ]
+
+    down = (_CENTRE[1] + 0.5) * 1.25 - 0.5
+    told = _told(pairs=squeezed, focal=(_FOCAL, 1.25 * _FOCAL), centre=(_CENTRE[0], down))
+    np.testing.assert_allclose(told.position, [place for _, place, *_ in _pairs()], atol=0.02)
 
 
 def test_swapped_eyes_give_nothing():
