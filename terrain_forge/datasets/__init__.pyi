@@ -8,6 +8,7 @@ from .calibration import calibration_files as calibration_files
 from .clouds import LidarMotion as LidarMotion
 from .clouds import on_rover as on_rover
 from .pictures import grey as grey
+from .pictures import pair_of as pair_of
 from .pictures import picture_of as picture_of
 from .pictures import rectified_pair as rectified_pair
 from .pictures import straight_stream as straight_stream
@@ -21,6 +22,7 @@ from .streams import RecordedCamera as RecordedCamera
 from .streams import RecordedLidar as RecordedLidar
 from .streams import RecordedSensor as RecordedSensor
 from .streams import RecordedSeries as RecordedSeries
+from .systems.orb_slam import ORB_FEATURES as ORB_FEATURES
 from .writer import DatasetWriter as DatasetWriter
 from .writer import checked_options as checked_options
 from .writer import dataset_kind as dataset_kind

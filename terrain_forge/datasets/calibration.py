@@ -99,6 +99,7 @@ def _readme(rig: Rig, files: Mapping[str, str]) -> str:
     def written(names: Mapping[str, str]) -> str:
         return ", ".join(word for name, word in names.items() if name in files)
 
+    left = rig.cameras[0].key if rig.cameras else ""
     found = [
         f"Calibration of the recording of {recording.name!r}, in the words of the systems that "
         "read it. Pixels: the centre of the first one is 0, 0. Frames: cameras x right, y down, "
@@ -109,7 +110,7 @@ def _readme(rig: Rig, files: Mapping[str, str]) -> str:
         each = "Each of " * (" and " in systems) + systems
         found.append(" ".join(rig.built_in(each)[1:]))
     for what, names in (
-        ("the pictures in mav0/cam0/data", _AS_RECORDED),
+        (f"the pictures in mav0/{left}/data", _AS_RECORDED),
         ("pictures without distortion", _STRAIGHT),
         (
             f"the TUM layout with {rig.depth_factor:g} values in a metre",

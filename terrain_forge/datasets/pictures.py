@@ -32,25 +32,39 @@ def straight_stream(camera: RecordedCamera) -> str:
     return "data" if camera.straight else ""
 
 
+def pair_of(recording: Recording, name: str = "") -> StereoPair | None:
+    """The stereo pair that all formats, calibration files and systems take, if there is one.
+
+    The first with pictures without distortion, or else the first; of those whose left camera has
+    the name or the folder, where one is given.
+    """
+    pairs = [p for p in recording.pairs if name in ("", p.left.key, p.left.name)]
+    return next((pair for pair in pairs if _is_straight(pair)), pairs[0] if pairs else None)
+
+
+def _is_straight(pair: StereoPair) -> bool:
+    """Whether there are pictures of both cameras as of one pinhole, moved along its rows."""
+    same = np.array_equal(pair.left.intrinsics, pair.right.intrinsics)
+    return same and bool(straight_stream(pair.left) and straight_stream(pair.right))
+
+
 def rectified_pair(recording: Recording, name: str, kind: str) -> StereoPair:
-    """A stereo pair with pictures without distortion; the first, or that of a camera's name.
+    """The pair of `pair_of`, which must have pictures without distortion.
 
     Raises:
         ExportError: if there is none; says why.
     """
-    pairs = [p for p in recording.pairs if name in ("", p.left.key, p.left.name)]
-    if not pairs:
+    pair = pair_of(recording, name)
+    if pair is None:
         which = f"whose left camera is {name!r}" if name else "of cameras"
         raise ExportError(f"{kind} needs a stereo pair {which}, and the recording has none")
-    for pair in pairs:
-        same = np.array_equal(pair.left.intrinsics, pair.right.intrinsics)
-        if same and straight_stream(pair.left) and straight_stream(pair.right):
-            return pair
-    left = pairs[0].left
-    raise ExportError(
-        f"{kind} needs pictures without distortion, and those of {left.name} have "
-        f"{left.distortion[0]}: record with images: [rectified], or [raw, rectified]"
-    )
+    if not _is_straight(pair):
+        left = pair.left
+        raise ExportError(
+            f"{kind} needs pictures without distortion, and those of {left.name} have "
+            f"{left.distortion[0]}: record with images: [rectified], or [raw, rectified]"
+        )
+    return pair
 
 
 def eight_bits(picture: NDArray[Any], bits: int) -> NDArray[np.uint8]:

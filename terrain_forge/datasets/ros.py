@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from terrain_forge.base import Array, FileName, Progress, Spec, portable, quaternion_from_matrix
+from terrain_forge.base import (
+    Array,
+    FileName,
+    Progress,
+    RecipeError,
+    Spec,
+    portable,
+    quaternion_from_matrix,
+)
 from terrain_forge.datasets.clouds import Layout, layout_of, packed
 from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
 from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
@@ -27,6 +35,7 @@ from terrain_forge.datasets.streams import (
     RecordedLidar,
     RecordedSensor,
     RecordedSeries,
+    stored_size,
 )
 from terrain_forge.datasets.writer import DatasetWriter, needed
 
@@ -37,6 +46,8 @@ WORLD = "map"
 TRUTH_TOPIC = "/ground_truth/odometry"
 _IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
+_MESSAGE = 3
+"""About how many times as long a message is as its row of a table."""
 _DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
 
 
@@ -54,9 +65,15 @@ class RosOptions(Spec):
     """Where the true pose of base_link goes: `odometry`, to /ground_truth/odometry; `tf`, to /tf,
     where a system's own answer would be a second parent of base_link. Frames of sensors that move
     against base_link are always there."""
+    pictures: bool = True
+    """Write the cameras' pictures."""
     depth: bool = False
     """Write the cameras' true depth as images of 32-bit metres; where it is that of rectified
     pictures beside raw ones, these too."""
+
+    def __post_init__(self) -> None:
+        if self.depth and not self.pictures:
+            raise RecipeError("has no effect: pictures is false", key=("depth",))
 
 
 class RosBag(DatasetWriter):
@@ -71,6 +88,12 @@ class RosBag(DatasetWriter):
         needed(self.library, f"the format {self.kind}")
         for name in options.sensors:
             recording.sensor(name)
+
+    def size(self, recording: Recording, options: Any) -> int:
+        """Pictures as their pixels, points as their layout, rows of tables as their messages."""
+        told = [recording.truth.table_file] if options.truth in ("odometry", "both") else []
+        sensors = _written(recording, options)
+        return _MESSAGE * stored_size(told) + sum(_size(recording, s, options) for s in sensors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +133,7 @@ class RosMessages:
 
     def __init__(self, recording: Recording, store: Typestore, options: RosOptions) -> None:
         self.recording, self.options, self.parts = recording, options, RosParts(store)
-        named = {recording.sensor(name).key for name in options.sensors}
-        self.sensors = [s for s in recording.sensors if not named or s.key in named]
+        self.sensors = _written(recording, options)
 
     def topics(self) -> list[Topic]:
         """All topics, `/tf_static` first."""
@@ -261,8 +283,7 @@ class RosMessages:
         )
 
     def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
-        own = self.options.cloud
-        layout: Layout = layout_of(self.recording, lidar) if own == "lidar" else own
+        layout = _layout(self.recording, lidar, self.options)
 
         def clouds() -> Iterator[Pair]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
@@ -331,6 +352,40 @@ class RosMessages:
                     stamp,
                     self.parts.make(TRANSFORMS, [self.parts.transform(stamp, WORLD, BASE, *at)]),
                 )
+
+
+def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
+    """The sensors that are written."""
+    named = {recording.sensor(name).key for name in options.sensors}
+    chosen = (s for s in recording.sensors if not named or s.key in named)
+    return [s for s in chosen if options.pictures or not isinstance(s, RecordedCamera)]
+
+
+def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
+    return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
+
+
+def _size(recording: Recording, sensor: RecordedSensor, options: RosOptions) -> int:
+    """About how many bytes the messages of a sensor have."""
+    if isinstance(sensor, RecordedLidar):
+        layout = _layout(recording, sensor, options)
+        none = np.zeros(0, sensor.sweep(0).dtype) if len(sensor.stamps) else None
+        step = packed(none, layout, options.ring_bits).dtype.itemsize if none is not None else 0
+        return step * sensor.points
+    if not isinstance(sensor, RecordedCamera):
+        return _MESSAGE * stored_size([sensor.table_file])
+    if not len(sensor.stamps):
+        return 0
+    pixels = sensor.size[0] * sensor.size[1]
+    each = sum(3 if sensor.image(0, one).ndim == 3 else 1 for one in _streams(sensor, options))
+    deep = 4 if options.depth and "depth" in sensor.channels else 0
+    return len(sensor.stamps) * pixels * (each + deep)
+
+
+def _streams(camera: RecordedCamera, options: RosOptions) -> list[str]:
+    """Pictures of a camera that are written."""
+    depth = options.depth and "depth" in camera.channels
+    return ["data", *([RECTIFIED] if depth and truth_stream(camera) == RECTIFIED else [])]
 
 
 def frame_of(sensor: RecordedSensor) -> str:

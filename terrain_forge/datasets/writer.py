@@ -21,6 +21,7 @@ from terrain_forge.base import (
     hint_at,
     parts,
     require_unlinked,
+    require_room,
     resolved,
     returning,
     silent,
@@ -65,6 +66,11 @@ class DatasetWriter:
         Raises:
             ExportError: says what is missing.
         """
+
+    def size(self, recording: Recording, options: Any) -> int:
+        """About how many bytes it writes, so that a disk without room is refused; 0: not known."""
+        del recording, options
+        return 0
 
     @abstractmethod
     def write(
@@ -134,6 +140,7 @@ def write_dataset(
     with storing(target, target.parent):
         _require_free(target, recording)
         require_unlinked(around.parent, around.name)
+        require_room(target, writer.size(recording, chosen))
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)

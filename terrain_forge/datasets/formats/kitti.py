@@ -19,9 +19,11 @@ from terrain_forge.datasets.pictures import (
 )
 from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording, StereoPair
-from terrain_forge.datasets.streams import RecordedLidar
+from terrain_forge.datasets.streams import RecordedLidar, stored_size
 from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
+_POINT = 16
+"""Bytes of a point of a scan."""
 Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
 
 
@@ -53,6 +55,19 @@ class Kitti(DatasetWriter):
         rectified_pair(recording, options.camera or "", self.kind)
         if lidar := _lidar(recording, options):
             LidarMotion(recording, lidar)
+
+    def size(self, recording: Recording, options: Any) -> int:
+        """Pictures as they are, colours in grey beside them, and a sweep for each of them."""
+        pair = rectified_pair(recording, options.camera or "", self.kind)
+        count, size = len(pair.left.stamps), 0
+        for camera in (pair.left, pair.right):
+            stream = straight_stream(camera)
+            coloured = count and camera.image(0, stream).ndim == 3
+            kept = stored_size(camera.file(number, stream) for number in range(count))
+            size += kept * 4 // 3 if coloured else kept
+        if (lidar := _lidar(recording, options)) and len(lidar.stamps):
+            size += count * _POINT * (lidar.points // len(lidar.stamps))
+        return size
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

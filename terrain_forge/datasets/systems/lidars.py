@@ -60,7 +60,7 @@ def lidar_files(rig: Rig) -> dict[str, str]:
                 "its own jitter back (at 0.16 m/s over 60 m: 8 m off with it, 0.08 m without).",
             )
             + f"data:\n  deskew: false\n  max_range: {yaml_number(far)}\n"
-            + f"  min_range: {yaml_number(near)}\n"
+            + f"  min_range: {yaml_number(near)}\nmapping:\n  voxel_size: 0.5\n"
         )
         if rig.imu:
             found["lio_sam/params.yaml"] = _lio_sam(rig, lidar)

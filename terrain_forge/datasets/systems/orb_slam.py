@@ -13,8 +13,10 @@ from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig
 from terrain_forge.datasets.systems.texts import OPENCV, lines, opencv_matrix, remark
 
+ORB_FEATURES = 2000
+"""Features of a picture, as of ORB-SLAM2's settings for KITTI."""
 _TUNING: dict[str, Any] = {
-    "ORBextractor.nFeatures": 2000,
+    "ORBextractor.nFeatures": ORB_FEATURES,
     "ORBextractor.scaleFactor": 1.2,
     "ORBextractor.nLevels": 8,
     "ORBextractor.iniThFAST": 20,

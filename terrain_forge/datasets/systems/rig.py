@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from terrain_forge.base import Array
+from terrain_forge.datasets.pictures import pair_of
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedSensor
 
@@ -39,8 +40,8 @@ class Rig:
 
     @cached_property
     def pair(self) -> StereoPair | None:
-        """The first stereo pair."""
-        return next(iter(self.recording.pairs), None)
+        """The stereo pair that formats and systems take."""
+        return pair_of(self.recording)
 
     @cached_property
     def cameras(self) -> tuple[RecordedCamera, ...]:

@@ -114,7 +114,10 @@ def test_other_systems(rig):
     assert right["projection_matrix"]["data"][3] == pytest.approx(-FOCAL * BASELINE)
     assert right["camera_name"] == "stereo_right"
     kiss = plain(files["kiss_icp/config.yaml"])
-    assert kiss == {"data": {"deskew": False, "max_range": 100.0, "min_range": 0.5}}
+    assert kiss == {
+        "data": {"deskew": False, "max_range": 100.0, "min_range": 0.5},
+        "mapping": {"voxel_size": 0.5},
+    }
     lio = plain(files["lio_sam/params.yaml"])["lio_sam"]
     place = np.linalg.inv(LIDAR) @ IMU
     np.testing.assert_allclose(lio["extrinsicTrans"], place[:3, 3], atol=1e-12)
