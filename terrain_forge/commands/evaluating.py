@@ -27,6 +27,10 @@ from terrain_forge.terminal import SCORING, Command, Display, Number, Numbers
     help="A program that you have, such as orb-slam2=/opt/ORB_SLAM2/Examples/Stereo/stereo_kitti.",
 )
 @click.option("--runs", type=click.IntRange(1, 100), default=1, help="How often each is run.")
+@click.option(
+    "--timeout", type=Number(1.0, 1e6), metavar="SECONDS",
+    help="When each is ended [s], instead of its own limit, an hour for those that ship.",
+)  # fmt: skip
 @click.option("--list", "listed", is_flag=True, help="Only list the systems that are known.")
 @click.option("--install", metavar="NAME", help="Make what a system needs.")
 @click.option("--truth", type=click.Path(path_type=Path), help="A true trajectory.")
@@ -70,6 +74,7 @@ def evaluate(
     systems: tuple[str, ...],
     binaries: tuple[str, ...],
     runs: int,
+    timeout: float | None,
     listed: bool,
     install: str | None,
     truth: Path | None,
@@ -114,8 +119,9 @@ def evaluate(
         chosen = chosen_systems(",".join(systems) if systems else None, paths[0], binaries)
         with Display(report.evaluate_stages(chosen, runs)) as display:
             results = report.evaluate(
-                paths[0], chosen, runs=runs, options=options, force=force, progress=display
-            )
+                paths[0], chosen, runs=runs, options=options, force=force, timeout_s=timeout,
+                progress=display,
+            )  # fmt: skip
         status = tell_systems(paths[0], results, out=out)
     if maps:
         with Display(report.MAP_STAGES) as display:

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval, MinLen
 
-from terrain_forge.base import DataError, FileName, Record, Spec
+from terrain_forge.base import DataError, FileName, Record, Spec, read_text
 from terrain_forge.datasets import checked_options
 from terrain_forge.evaluation.loops import Loops, read_loops
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
@@ -22,10 +22,18 @@ from terrain_forge.evaluation.program import Program
 
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
+SENSOR_PLACES = {
+    "left": "stereo pair", "right": "stereo pair", "lidar": "lidar",
+}  # fmt: skip
+"""Places that stand for the folder of a sensor in a recording, and what must be there."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _KEPT = 2**24
 """Bytes of what a program printed or wrote that are kept."""
 _LOG = "output.txt"
+_MAP = "map"
+"""Name of a map that is kept, without its ending."""
+_OWN = "own_s.txt"
+"""Where a driver tells its own processor time."""
 _TOLD = 4
 """Names of files that a message has at most."""
 
@@ -37,10 +45,14 @@ class Adapter(Spec):
     The command is words, not a shell's line: `{input}` stands for the folder or file of the
     recording in the `input` format, `{output}` for the file that the program shall write its
     trajectory to, `{recording}` for the recording's own folder, `{calibration}` for the folder of
-    its calibration files, `{folder}` for the temporary folder that it runs in, `{binary}` for the
-    program that the user named, `{vocabulary}` for a vocabulary of ORB features, `{python}` for the
-    interpreter of the environment that `install_system` made, `{driver}` for the folder of our
-    small drivers.
+    its calibration files, `{left}` and `{right}` for the folders' names of the recorded stereo pair
+    such as `cam0`, `{lidar}` for that of the first recorded lidar, `{folder}` for the temporary
+    folder that it runs in, `{binary}` for the program that the user named, `{vocabulary}` for a
+    vocabulary of ORB features, `{python}` for the interpreter of the environment that
+    `install_system` made, `{driver}` for the folder of our small drivers.
+
+    A driver around a system may write into its folder, as `own_s.txt`, the processor time [s] that
+    is its own: the system's is told without it.
     """
 
     name: FileName
@@ -49,7 +61,9 @@ class Adapter(Spec):
     """Kinds of sensors that the recording must hold."""
     input: FileName = "euroc"
     """Format of recordings that it reads, as `terrain-forge record --formats` calls it."""
-    input_options: dict[str, str | int | float | bool] = field(default_factory=dict)
+    input_options: dict[str, str | int | float | bool | tuple[str, ...]] = field(
+        default_factory=dict
+    )
     """Options of that format, as `dataset: {formats: …}` has them in recipes."""
     command: Annotated[str, MinLen(1)]
     """Program and arguments."""
@@ -64,14 +78,22 @@ class Adapter(Spec):
     stamps_in: Literal["seconds", "frames"] = "seconds"
     """What these numbers are: seconds from the first frame on, as in KITTI's times.txt, or the
     recording's own; or numbers of frames, from 0."""
+    frames: Literal["each", "last"] = "each"
+    """Of `kitti` without `stamps`, which frames have its poses: `each`; or the `last` ones, as many
+    as there are poses, of which those that repeat the one before are of frames in which it was
+    lost, as in what ORB-SLAM2 writes."""
     loops: str = ""
     """The file of its loop closures, where it writes one, as `output` names one: two times a line,
     of the two ends, and perhaps x, y, z of the second in the frame of the first [m]."""
     loops_in: Literal["seconds", "frames"] = "seconds"
     """What these times are, as of `stamps_in`."""
+    map: str = ""
+    """The map that it made, where it writes one, as `output` names one: a file as `--map` takes,
+    in the frame of its trajectory."""
     frame: FileName = "base_link"
-    """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0`, `lidar0` or
-    `imu0`, or `body`: that of the first IMU, or base_link where none was recorded."""
+    """Whose motion the trajectory is: `base_link`, a sensor's folder such as `cam0` or `imu0`, one
+    of `{left}`, `{right}`, `{lidar}` as in the command, or `body`: that of the first IMU, or
+    base_link where none was recorded."""
     timeout_s: Annotated[float, Interval(ge=1, le=1e6)] = 3600.0
     """When it is killed [s]."""
     environment: dict[str, str] = field(default_factory=dict)
@@ -89,7 +111,7 @@ class Adapter(Spec):
 
     PLACES: ClassVar[tuple[str, ...]] = (
         "input", "output", "recording", "calibration", "folder", "python", "driver", "binary",
-        "vocabulary",
+        "vocabulary", *SENSOR_PLACES,
     )  # fmt: skip
 
     @property
@@ -110,8 +132,9 @@ class Adapter(Spec):
         """
         places = dict.fromkeys(self.PLACES, "")
         self.words(places)
-        for key in ("output", "stamps", "loops"):
+        for key in ("output", "stamps", "loops", "map"):
             self._filled(key, getattr(self, key), places)
+        self.frame_of(dict.fromkeys(SENSOR_PLACES, ""))
         if self.input != "euroc":
             checked_options(self.input, self.input_options)
 
@@ -127,12 +150,25 @@ class Adapter(Spec):
             raise DataError(f"{self.name}: command: {str(error).lower()}") from None
         return [self._filled("command", word, places) for word in words]
 
+    def frame_of(self, places: Mapping[str, str]) -> str:
+        """The folder, or `base_link` or `body`, whose motion the trajectory is.
+
+        Raises:
+            DataError: for an unknown place.
+        """
+        return self._filled("frame", self.frame, places)
+
+    def sensor_places(self) -> list[str]:
+        """Which places of sensors the command or the frame has."""
+        words = set(_PLACEHOLDER.findall(f"{self.command} {self.frame}"))
+        return [name for name in SENSOR_PLACES if name in words]
+
     def _filled(self, key: str, text: str, places: Mapping[str, str]) -> str:
         """A text of a key with its places filled in."""
 
         def place(found: re.Match[str]) -> str:
             if found[1] not in places:
-                known = ", ".join(f"{{{name}}}" for name in self.PLACES)
+                known = ", ".join(f"{{{name}}}" for name in self.PLACES if name in places)
                 raise DataError(f"{self.name}: {key} has {found[0]}, known: {known}")
             return places[found[1]]
 
@@ -156,8 +192,10 @@ class Run(Record):
     """Its loop closures, in its own clock; None where it tells none."""
     seconds: float
     """How long it ran [s]."""
+    map: Path | None = None
+    """The map that it made; None where it tells none."""
     processor_s: float
-    """Processor time of it and of what it started and waited for [s]."""
+    """Processor time of it and of what it started and waited for [s], without a driver's own."""
     memory: float
     """The largest memory of it or of one that it started [bytes]; 0 where it had to be killed."""
     log: str
@@ -180,12 +218,12 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         output = folder / f"{adapter.name}.{adapter.format}"
         told = {**places, "folder": str(folder), "output": str(output)}
         words = adapter.words(told)
-        pattern, stamps, closures = (
+        pattern, stamps, closures, chart = (
             _PLACEHOLDER.sub(lambda found: told.get(found[1], found[0]), text)
-            for text in (adapter.output, adapter.stamps, adapter.loops)
+            for text in (adapter.output, adapter.stamps, adapter.loops, adapter.map)
         )
         status, why, used = _watched(words, folder, adapter)
-        estimate, loops, wrong = None, None, ""
+        estimate, loops, made, wrong = None, None, None, ""
         if status == "done":
             estimate, wrong = _estimate(folder, pattern, stamps, adapter)
             status, why = ("done", "") if estimate is not None else ("lost", wrong)
@@ -199,12 +237,38 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             trajectory.unlink(missing_ok=True)  # an earlier run's
             if len(files := _found(folder, pattern)) == 1:
                 shutil.copyfile(files[0], trajectory)
+            made, wrong = _kept_map(folder, chart, keep)
+            why = why or (wrong if status == "done" else "")
+        used = _without_own(folder, used)
         last = _end_of(folder / _LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
-        processor_s=processor, memory=memory, log=last, loops=loops,
+        processor_s=processor, memory=memory, log=last, loops=loops, map=made,
     )  # fmt: skip
+
+
+def _kept_map(folder: Path, pattern: str, keep: Path) -> tuple[Path | None, str]:
+    """A copy of the map that a program made, and what is wrong with it; an earlier run's goes."""
+    for older in keep.glob(f"{_MAP}.*"):
+        older.unlink()
+    if not pattern:
+        return None, ""
+    try:
+        path = _one_file(folder, pattern, "map")
+    except DataError as error:
+        return None, str(error)
+    return Path(shutil.copyfile(path, keep / f"{_MAP}{path.suffix}")), ""
+
+
+def _without_own(folder: Path, used: tuple[float, float, float]) -> tuple[float, float, float]:
+    """What a system used, without the processor time that its driver says is its own."""
+    seconds, processor, memory = used
+    try:
+        own = float(read_text(folder / _OWN, _OWN, most=_KEPT))
+    except (DataError, ValueError):
+        own = 0.0
+    return seconds, processor - own if 0.0 < own < processor else processor, memory
 
 
 def _closures(folder: Path, pattern: str) -> tuple[Loops | None, str]:

@@ -6,6 +6,7 @@ import logging
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,10 +29,11 @@ from terrain_forge.datasets import (
     Recording,
     holds_format,
     open_recording,
+    pair_of,
     state_of,
     write_dataset,
 )
-from terrain_forge.evaluation.adapter import Adapter, Run, run_system
+from terrain_forge.evaluation.adapter import SENSOR_PLACES, Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
     find_system,
@@ -66,6 +68,7 @@ def evaluate_recording(
     runs: int = 1,
     options: ScoreOptions | None = None,
     force: bool = False,
+    timeout_s: float | None = None,
     progress: Progress = silent,
 ) -> list[Result]:
     """Run systems over a recording, one after the other, and score them.
@@ -80,6 +83,7 @@ def evaluate_recording(
         runs: How often each is run.
         options: What is free in the scores.
         force: Whether earlier results go that are of another recording or were scored otherwise.
+        timeout_s: When each is killed [s], instead of its own `timeout_s`.
         progress: Told of each run as it begins, and what is written for it.
 
     Returns:
@@ -91,6 +95,8 @@ def evaluate_recording(
         KeyboardInterrupt: with how far it came.
     """
     require_distinct(adapters)
+    if timeout_s is not None:
+        adapters = [replace(adapter, timeout_s=timeout_s) for adapter in adapters]
     recording, options = open_recording(dataset), options or ScoreOptions()
     results: list[Result] = []
     inputs: dict[str, Path] = {}
@@ -145,8 +151,11 @@ def _result(
 ) -> Result:
     keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
     (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
+    frame, frames = adapter.frame.strip("{}"), 0
     try:
         places = _places(recording, adapter, inputs, progress)
+        frame = adapter.frame_of(sensor_places(recording))
+        frames = _frames(recording, adapter)
         before = _state(recording.folder)
         run = run_system(adapter, places, keep=keep)
         changed = {name for name, *_ in before ^ _state(recording.folder)}
@@ -162,7 +171,7 @@ def _result(
     score, closures = None, None
     if run.estimate is not None:
         try:
-            truth = truth_of(recording, adapter.frame)
+            truth = truth_of(recording, frame)
             estimate = _timed(run.estimate, adapter, truth)
             score = score_poses(truth, estimate, options)
             write_errors(score, keep / ERRORS)
@@ -171,8 +180,8 @@ def _result(
         except DataError as error:
             run = run.replace(status="lost", why=str(error))
     return Result(
-        run=run, number=number, score=score, loops=closures, frame=adapter.frame,
-        world=recording.name, recording=_digest(recording),
+        run=run, number=number, score=score, loops=closures, frame=frame,
+        world=recording.name, recording=_digest(recording), frames=frames,
     )  # fmt: skip
 
 
@@ -209,7 +218,7 @@ def _places(
         name = adapter.name
         raise DataError(f"{name} is a program of yours: --binary {name}=PATH")
     require_ready(adapter)
-    places = {
+    places: dict[str, Any] = {
         "input": _input(recording, adapter.input, adapter.input_options, inputs, progress),
         "calibration": _input(recording, "calibration", {}, inputs, progress),
         "recording": recording.folder.resolve(),
@@ -217,8 +226,29 @@ def _places(
         "driver": DRIVERS,
         "binary": adapter.binary,
         "vocabulary": vocabulary_of(adapter) if adapter.needs_vocabulary else "",
+        **sensor_places(recording),
     }
     return {name: str(place) for name, place in places.items()}
+
+
+def sensor_places(recording: Recording) -> dict[str, str]:
+    """What stands for the sensors of `SENSOR_PLACES` in a recording, those that it has."""
+    found = {}
+    if pair := pair_of(recording):
+        found = {"left": pair.left.key, "right": pair.right.key}
+    for lidar in recording.lidars[:1]:
+        found["lidar"] = lidar.key
+    return found
+
+
+def _frames(recording: Recording, adapter: Adapter) -> int:
+    """How many sweeps, or else pictures, a system is given; 0 if it looks at neither."""
+    if "lidar" in adapter.needs and recording.lidars:
+        return len(recording.lidars[0].stamps)
+    if {"mono", "stereo", "rgbd"} & {*adapter.needs} and recording.cameras:
+        pair = pair_of(recording)
+        return len((pair.left if pair else recording.cameras[0]).stamps)
+    return 0
 
 
 def require_sensors(recording: Recording, adapter: Adapter) -> None:
@@ -235,7 +265,10 @@ def require_sensors(recording: Recording, adapter: Adapter) -> None:
         "imu": bool(recording.imus),
         "odometry": bool(recording.series("odometry")),
     }
-    if missing := [need for need in adapter.needs if not there[need]]:
+    served = sensor_places(recording)
+    places = [SENSOR_PLACES[one] for one in adapter.sensor_places() if one not in served]
+    needs: list[str] = [need for need in adapter.needs if not there[need]]
+    if missing := [*needs, *(one for one in dict.fromkeys(places) if one not in needs)]:
         raise DataError(f"{adapter.name} needs {' and '.join(missing)}, which was not recorded")
 
 
@@ -245,7 +278,7 @@ def _require_frame(recording: Recording, adapter: Adapter) -> None:
     Raises:
         DataError: lists what there is.
     """
-    known = adapter.frame in ("base_link", "body")
+    known = adapter.frame in ("base_link", "body") or adapter.frame[:1] == "{"
     if not known and not is_folder(adapter.frame, instrument_kinds().values()):
         try:
             recording.sensor(adapter.frame)
@@ -277,6 +310,8 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
     if adapter.format != "kitti":
         return estimate
     told, frames = len(estimate.time), len(truth.time)
+    if adapter.frames == "last" and not adapter.stamps and told <= frames:
+        return _found_ones(estimate.replace(time=truth.time[frames - told :]))
     if not adapter.stamps:
         if told != frames:
             raise DataError(
@@ -286,6 +321,17 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
         return estimate.replace(time=truth.time)
     time = _stamped(estimate.time, adapter.stamps_in, truth, adapter.name)
     return estimate.replace(time=time)
+
+
+def _found_ones(estimate: TimedPoses) -> TimedPoses:
+    """The poses that do not repeat the one before."""
+    rows = np.hstack([estimate.position, estimate.quaternion])
+    moved = np.concatenate([[True], (np.diff(rows, axis=0) != 0.0).any(axis=1)])
+    return estimate.replace(
+        time=estimate.time[moved],
+        position=estimate.position[moved],
+        quaternion=estimate.quaternion[moved],
+    )
 
 
 def _closures(
@@ -327,7 +373,7 @@ def _input(
         return recording.folder.resolve()
     if not options and holds_format(recording.folder, kind):
         return (recording.folder / kind).resolve()
-    name = "_".join([kind, *(f"{key}-{value}" for key, value in sorted(options.items()))])
+    name = "_".join([kind, *(f"{key}-{_word(value)}" for key, value in sorted(options.items()))])
     if name not in inputs:
         every = recording.folder.resolve() / _INPUTS
         folder = every / _digest(recording) / name
@@ -342,6 +388,11 @@ def _input(
                 raise DataError(str(error)) from None
         inputs[name] = folder
     return inputs[name]
+
+
+def _word(value: Any) -> str:
+    """An option's value as a part of a folder's name."""
+    return "+".join(value) if isinstance(value, tuple) else str(value)
 
 
 def chosen_systems(

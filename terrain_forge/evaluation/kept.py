@@ -93,6 +93,7 @@ def _result(row: Mapping[str, Any]) -> Result:
         frame=str(row["frame"]),
         world=str(row["world"]),
         recording=str(row["recording"]),
+        frames=int(row.get("frames", 0)),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import write_whole
-from terrain_forge.datasets import Recording
+from terrain_forge.datasets import ORB_FEATURES, Recording
 from terrain_forge.evaluation.paper import (
     PAPER_LENGTHS,
     PAPER_SYSTEMS,
@@ -30,6 +30,8 @@ _HEAD = (
 _CAMERA = {"width_px": 1280, "height_px": 720, "rate_hz": 30.0, "baseline_m": 0.12}
 _LIDAR = {"rate_hz": 10.0, "noise_m": 0.01, "snapshot": True}
 _UNITS = {"width_px": "px wide", "height_px": "px high", "rate_hz": "Hz", "baseline_m": "m apart"}
+_FEATURES = 2400
+"""ORB features of a picture."""
 _FOV = 80.0
 """Horizontal angle of the cameras in the paper's repository [degrees]; its text says 90."""
 _BEAMS, _COLUMNS, _HALF = 64, 1800, 16.0
@@ -81,6 +83,8 @@ def differences(recording: Recording, results: Sequence[Result]) -> Iterator[str
     yield from _motion(recording, results)
     yield from _sensors(recording)
     names = dict.fromkeys(one.run.system for one in results)
+    if {"orb-slam2", "orb-slam3"} & names.keys() and ORB_FEATURES != _FEATURES:
+        yield f"ORB-SLAM: {ORB_FEATURES} features of a picture, not {_FEATURES}"
     for name in names:
         told = paper_figure(name, recording.name)
         if told and (why := PAPER_SYSTEMS[name][1]):

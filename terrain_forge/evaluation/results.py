@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -23,9 +24,17 @@ ERROR_COLUMNS = "time [s]", "path length [m]", "x [m]", "y [m]", "z [m]", "error
 _HEAD = (
     "system", "runs", "length [m]", "tracked [%]", "ATE [m]", "ATE of runs [m]",
     "TDr median [%]", "TDr rms [%]", "loops right", "processor [s/frame]", "memory [MB]",
+    "TDr of runs [%]", "RPE median [m]", "yaw drift [deg]", "KITTI t [%]", "KITTI r [deg/m]",
 )  # fmt: skip
+_BRIEF = {
+    "system": "system", "runs": "runs", "tracked [%]": "tracked [%]", "ATE [m]": "ATE [m]",
+    "ATE of runs [m]": "of runs [m]", "TDr median [%]": "TDr [%]", "loops right": "loops right",
+    "processor [s/frame]": "s/frame", "memory [MB]": "MB",
+}  # fmt: skip
+"""Columns that a terminal is wide enough for, and what they are called there."""
 _PAPER = "in the paper", "its ATE [m]", "its TDr [%]"
 _LAST = "result"
+_DEGREES = 180.0 / math.pi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +55,14 @@ class Result(Record):
     """The world that was recorded."""
     recording: str = ""
     """Digest of the recording's index, which changes where it grows."""
+    frames: int = 0
+    """Sweeps or pictures that the system was given; 0 where it looks at neither."""
+
+    @property
+    def processor_s_per_frame(self) -> float:
+        """Processor time for each frame, or each pose where it looks at none [s]."""
+        poses = self.score.poses if self.score else 0
+        return self.run.processor_s / max(self.frames or poses, 1)
 
 
 def result_plain(result: Result) -> dict[str, Any]:
@@ -62,6 +79,7 @@ def result_plain(result: Result) -> dict[str, Any]:
         "frame": result.frame,
         "seconds": run.seconds,
         "processor_s": run.processor_s,
+        "frames": result.frames,
         "memory_bytes": run.memory,
         "score": score_plain(result.score) if result.score else None,
         "loops": vars(result.loops).copy() if result.loops else None,
@@ -100,13 +118,29 @@ def _figures(results: Sequence[Result]) -> list[str]:
         f"{_median(score.length for score, _ in good):.4g}",
         _percent(_median(score.tracked for score, _ in good)),
         f"{np.median(ate):.4g}",
-        f"{ate.min():.3g} to {ate.max():.3g}" if len(ate) > 1 else "",
+        _range(ate.tolist()),
         _percent(_median(one.median for one in drifts)) if drifts else "",
         _percent(_median(one.rms for one in drifts)) if drifts else "",
         next((one.loops.told for one in results if one.loops), ""),
-        f"{_median(run.processor_s / max(score.poses, 1) for score, run in good):.3g}",
+        f"{_median(one.processor_s_per_frame for one in results if one.score):.3g}",
         f"{_median(run.memory / 1e6 for _, run in good):.0f}",
+        _range([one.median for one in drifts], 100.0),
+        _middle([s.rpe.median for s, _ in good if s.rpe]),
+        _middle([s.yaw_drift.median for s, _ in good if s.yaw_drift], _DEGREES),
+        _middle([s.kitti[0] for s, _ in good if s.kitti], 100.0),
+        _middle([s.kitti[1] for s, _ in good if s.kitti], _DEGREES),
     ]
+
+
+def _middle(values: Sequence[float], factor: float = 1.0) -> str:
+    """The median; empty of none."""
+    return f"{factor * float(np.median(values)):.3g}" if values else ""
+
+
+def _range(values: Sequence[float], factor: float = 1.0) -> str:
+    """The least and the largest of some runs; empty of one."""
+    scaled = factor * np.array(values)
+    return f"{scaled.min():.3g} to {scaled.max():.3g}" if len(scaled) > 1 else ""
 
 
 def _median(values: Any) -> float:
@@ -118,12 +152,24 @@ def _percent(part: float) -> str:
 
 
 def result_lines(results: Sequence[Result]) -> list[str]:
-    """The table as text; columns that are empty in all rows are left out."""
-    rows = result_rows(results)
-    plain = table_lines([row[:-1] for row in rows])
-    told = ["" if row[-1] in (_LAST, "done") else f"  {row[-1]}" for row in rows]
-    setup = [SETUP] if _PAPER[0] in rows[0] else []
-    return [*map(str.__add__, plain, told), *setup]
+    """The columns of the table that fit on a terminal, as text; below it what else is to be told.
+
+    Columns that are empty in all rows are left out; the paper's figures come after.
+    """
+    head, *rows = result_rows(results)
+    lines = table_lines(_columns([head, *rows], _BRIEF))
+    lines += [f"{row[0]}: {row[-1]}" for row in rows if row[-1] != "done"]
+    if _PAPER[0] not in head:
+        return lines
+    beside = [row for row in rows if row[head.index(_PAPER[0])]]
+    names = {name: name for name in (_HEAD[0], *_PAPER)}
+    return [*lines, *table_lines(_columns([head, *beside], names)), SETUP]
+
+
+def _columns(rows: Sequence[Sequence[str]], names: Mapping[str, str]) -> list[list[str]]:
+    """Some columns of a table, under other names."""
+    kept = [rows[0].index(name) for name in names]
+    return [list(names.values()), *([row[n] for n in kept] for row in rows[1:])]
 
 
 def write_results(results: Sequence[Result], folder: Path) -> list[Path]:

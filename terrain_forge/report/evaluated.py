@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from terrain_forge.base import Progress, checked, require_unlinked, resolved, silent
+from terrain_forge.base import (
+    DataError,
+    OutputError,
+    Progress,
+    checked,
+    require_unlinked,
+    resolved,
+    silent,
+)
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -14,18 +23,24 @@ from terrain_forge.evaluation import (
     ScoreOptions,
     evaluate_recording,
     kept_maps,
+    read_map,
     run_stages,
+    score_map,
     score_maps,
+    site_grid,
     write_maps,
 )
 from terrain_forge.model import World
 from terrain_forge.recording import dataset_folder
 from terrain_forge.report.renewal import renew_report_page
 
+_log = logging.getLogger(__name__)
+
 
 def evaluate_stages(systems: Sequence[Adapter], runs: int = 1) -> list[str]:
     """Stages of an evaluation."""
-    return ["load", *run_stages(systems, runs), "report page"]
+    maps = ["maps"] if any(system.map for system in systems) else []
+    return ["load", *run_stages(systems, runs), *maps, "report page"]
 
 
 MAP_STAGES = ("load", "maps", "site", "report page")
@@ -40,6 +55,7 @@ def evaluate(
     runs: int = 1,
     options: ScoreOptions | None = None,
     force: bool = False,
+    timeout_s: float | None = None,
     progress: Progress = silent,
 ) -> list[Result]:
     """Run systems over the recording of a built world, and show on its page how well they did.
@@ -50,6 +66,7 @@ def evaluate(
         runs: How often each is run.
         options: What is free in the scores.
         force: Whether earlier results go that are of another recording or were scored otherwise.
+        timeout_s: When each is killed [s], instead of its own `timeout_s`.
         progress: Called with each stage as it begins.
 
     Raises:
@@ -60,12 +77,40 @@ def evaluate(
     require_unlinked(out, dataset_folder(out).name)
     progress("load", 0.0)
     results = evaluate_recording(
-        out, systems, runs=runs, options=options, force=force, progress=progress
-    )
+        out, systems, runs=runs, options=options, force=force, timeout_s=timeout_s,
+        progress=progress,
+    )  # fmt: skip
     if (out / "world").is_dir() and dataset_folder(out).is_dir():
+        world = World.load(out)
+        _score_own_maps(world, results, dataset_folder(out) / RESULTS, progress, force=force)
         progress("report page", 0.0)
-        renew_report_page(World.load(out), out)
+        renew_report_page(world, out)
     return results
+
+
+def _score_own_maps(
+    world: World, results: Sequence[Result], folder: Path, progress: Progress, *, force: bool
+) -> None:
+    """Score the maps that systems made, each laid on the world as the trajectory of its run."""
+    found = []
+    for one in results:
+        if one.run.map is None or one.score is None:
+            continue
+        try:
+            made = read_map(one.run.map, name=f"{one.run.system} {one.number}")
+        except DataError as error:
+            _log.warning("a map is not scored: %s", error)
+        else:
+            found.append(made.moved(one.score.alignment))
+    if not found:
+        return
+    progress("maps", 0.0)
+    try:
+        grid = site_grid(world)
+        scores = [score_map(world, one, grid) for one in found]
+        write_maps([*kept_maps(folder, scores, force=force), *scores], folder)
+    except (DataError, OutputError) as error:
+        _log.warning("maps are not scored: %s", error)
 
 
 @checked

@@ -1,4 +1,4 @@
-"""A pipeline of evalio, such as LOAM or LioSAM: RECORDING TRAJECTORY PIPELINE [key=value …].
+"""A pipeline of evalio, such as LOAM or LioSAM: RECORDING TRAJECTORY LIDAR PIPELINE [key=value …].
 
 Points go in as an organised sweep, ring by ring, which some of its pipelines ask for.
 """
@@ -11,7 +11,17 @@ from typing import Any
 
 import numpy as np
 from evalio import pipelines, types
-from recorded import about, quaternion_of, sweeps, table, transform, write_pose
+from recorded import (
+    about,
+    figure,
+    own_work,
+    quaternion_of,
+    sweeps,
+    table,
+    tell_own_work,
+    transform,
+    write_pose,
+)  # fmt: skip
 
 
 def pose_of(matrix: Any) -> Any:
@@ -24,9 +34,9 @@ def pose_of(matrix: Any) -> Any:
 class Grid:
     """Organised sweeps: all cells, of which those without a return are at the origin."""
 
-    def __init__(self, rings: int, columns: int, period: float) -> None:
-        self.columns, self._period = columns, period
-        times = [types.Duration.from_nsec(int(n * period / columns)) for n in range(columns)]
+    def __init__(self, rings: int, columns: int, column_s: float) -> None:
+        self._columns, self._column_s = columns, column_s
+        times = [types.Duration.from_nsec(int(n * column_s * 1e9)) for n in range(columns)]
         self._empty = [
             [types.Point(row=ring, col=column, t=time) for column, time in enumerate(times)]
             for ring in range(rings)
@@ -35,10 +45,11 @@ class Grid:
     def filled(self, points: Any) -> list[Any]:
         """The cells of a sweep, ring by ring."""
         cells = [ring[:] for ring in self._empty]
-        turns = points["time"] * 1e9 / self._period
-        if not turns.any():  # all at one time: clockwise from behind, as it turns
-            turns = 0.5 - np.arctan2(points["y"], points["x"]) / (2.0 * np.pi)
-        places = np.round(turns * self.columns, 3).astype(int) % self.columns
+        columns = points["time"].astype(np.float64) / self._column_s
+        if not columns.any():  # all at one time: clockwise from behind, as it turns
+            x, y = (points[axis].astype(np.float64) for axis in "xy")
+            columns = (0.5 - np.arctan2(y, x) / (2.0 * np.pi)) * self._columns
+        places = np.floor(columns + 0.01).astype(int) % self._columns
         for column, (x, y, z, light, ring, time, _) in zip(
             places.tolist(), points.tolist(), strict=True
         ):
@@ -50,7 +61,7 @@ class Grid:
 
 
 def prepared(
-    kind: str, words: list[str], dataset: Path, *, rings: int, columns: int, rate: float
+    kind: str, words: list[str], dataset: Path, lidar: str, *, rings: int, columns: int
 ) -> Any:
     """The pipeline with its parameters, sensors and frames told."""
     told = about(dataset)
@@ -65,54 +76,65 @@ def prepared(
     pipeline.set_params(parameters)
     pipeline.set_lidar_params(
         types.LidarParams(
-            num_rows=rings, num_columns=columns, min_range=0.5, max_range=100.0, rate=rate
+            num_rows=rings,
+            num_columns=columns,
+            min_range=figure(dataset, lidar, "range_min_m"),
+            max_range=figure(dataset, lidar, "range_max_m"),
+            rate=figure(dataset, lidar, "rate_hz"),
         )
     )
-    imus = [one for one in told["sensors"] if one["kind"] == "imu"]
-    lidar = transform(dataset, "lidar0")
-    base = transform(dataset, "imu0") if imus else np.eye(4)
-    for imu in imus[:1]:
+    base = np.eye(4)
+    if imu := imu_of(dataset):
+        base = transform(dataset, imu)
+
+        def noise(name: str, least: float) -> float:
+            return float(max(figure(dataset, imu, name), least))
+
         pipeline.set_imu_params(
             types.ImuParams(
-                gyro=max(imu["gyro_noise"], 1e-6),
-                accel=max(imu["accelerometer_noise"], 1e-5),
-                gyro_bias=max(imu["gyro_walk"], 1e-8),
-                accel_bias=max(imu["accelerometer_walk"], 1e-7),
+                gyro=noise("gyroscope_noise_density", 1e-6),
+                accel=noise("accelerometer_noise_density", 1e-5),
+                gyro_bias=noise("gyroscope_random_walk", 1e-8),
+                accel_bias=noise("accelerometer_random_walk", 1e-7),
                 gravity=np.array([0.0, 0.0, float(told["gravity_m_s2"])]),
-                rate=float(imu["rate_hz"]),
+                rate=figure(dataset, imu, "rate_hz"),
             )
         )
-    pipeline.set_imu_T_lidar(pose_of(np.linalg.inv(base) @ lidar))
+    pipeline.set_imu_T_lidar(pose_of(np.linalg.inv(base) @ transform(dataset, lidar)))
     pipeline.initialize()
     return pipeline
 
 
-def main(dataset: Path, output: Path, kind: str, words: list[str]) -> None:
+def imu_of(dataset: Path) -> str:
+    """The folder of the IMU whose frame the body's is; empty where none was recorded."""
+    body: str = about(dataset)["body"]
+    return body if body.startswith("imu") else ""
+
+
+def main(dataset: Path, output: Path, lidar: str, kind: str, words: list[str]) -> None:
     """Lead all sweeps, and what the IMU felt until their ends, through the pipeline."""
-    streams = {Path(one["folder"]).name: one for one in about(dataset)["streams"]}
-    rate = float(streams["lidar0"]["rate_hz"])
-    period = 1e9 / rate
-    name = streams["lidar0"]["name"]
-    lidar = next(one for one in about(dataset)["sensors"] if one["name"] == name)
-    rings = len(lidar["elevations_deg"]) or int(lidar["channels"])
-    firing = 1e-6 * float(lidar["firing_period_us"])
-    columns = int(1.0 / (rate * firing) + 1e-6) if firing else int(lidar["horizontal_samples"])
-    pipeline = prepared(kind, words, dataset, rings=rings, columns=columns, rate=rate)
-    grid = Grid(rings, columns, period)
-    stamps, felt = table(dataset, "imu0") if "imu0" in streams else ([], [])
+    rate, column_s = (figure(dataset, lidar, key) for key in ("rate_hz", "column_period_s"))
+    rings, columns = int(figure(dataset, lidar, "rings")), int(1.0 / (rate * column_s) + 1e-6)
+    pipeline = prepared(kind, words, dataset, lidar, rings=rings, columns=columns)
+    grid = Grid(rings, columns, column_s)
+    imu = imu_of(dataset)
+    stamps, felt = table(dataset, imu) if imu else ([], [])
     row = 0
     with output.open("w", encoding="utf-8") as file:
-        for stamp, points in sweeps(dataset, "lidar0"):
-            while row < len(stamps) and stamps[row] <= stamp + period:
+        for stamp, points in sweeps(dataset, lidar):
+            while row < len(stamps) and stamps[row] <= stamp + 1e9 / rate:
                 when = types.Stamp.from_nsec(int(stamps[row]))
                 gyro, force = felt[row, :3].copy(), felt[row, 3:6].copy()
                 pipeline.add_imu(types.ImuMeasurement(when, gyro, force))
                 row += 1
-            whole = grid.filled(points)
-            pipeline.add_lidar(types.LidarMeasurement(types.Stamp.from_nsec(stamp), whole))
+            with own_work():
+                whole = grid.filled(points)
+                sweep = types.LidarMeasurement(types.Stamp.from_nsec(stamp), whole)
+            pipeline.add_lidar(sweep)
             for when, where in pipeline.saved_estimates():
                 turn = where.rot
                 write_pose(file, when.to_nsec(), where.trans, (turn.qx, turn.qy, turn.qz, turn.qw))
+    tell_own_work()
 
 
-main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3], sys.argv[4:])
+main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3], sys.argv[4], sys.argv[5:])

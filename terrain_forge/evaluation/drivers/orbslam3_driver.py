@@ -1,4 +1,4 @@
-"""ORB-SLAM3 over a stereo pair: RECORDING TRAJECTORY VOCABULARY CALIBRATION.
+"""ORB-SLAM3 over a stereo pair: RECORDING TRAJECTORY VOCABULARY CALIBRATION LEFT RIGHT.
 
 Pictures come at the pace of the recording, as in its own examples: its mapping runs beside.
 """
@@ -14,11 +14,11 @@ import cv2
 import pyorbslam3
 from recorded import names
 
-dataset, output, vocabulary, calibration = sys.argv[1:5]
-pair = [Path(dataset) / "mav0" / key for key in ("cam0", "cam1")]
+dataset, output, vocabulary, calibration, *keys = sys.argv[1:7]
+pair = [Path(dataset) / "mav0" / key for key in keys]
 pictures = [names(folder) for folder in pair]
 if [stamp for stamp, _ in pictures[0]] != [stamp for stamp, _ in pictures[1]]:
-    sys.exit("cam0 and cam1 have pictures of different times")
+    sys.exit(f"{' and '.join(keys)} have pictures of different times")
 streams = json.loads((Path(dataset) / "dataset.json").read_text())["streams"]
 bits = {one["folder"]: one["channels"]["data"].get("bits", 8) for one in streams}
 shifts = [bits[f"mav0/{folder.name}"] - 8 for folder in pair]  # it knows 8 bits alone

@@ -3,11 +3,34 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+_OWN = Path("own_s.txt")
+"""In the folder that a system runs in: processor time that is not the system's [s]."""
+_own = 0.0
+
+
+@contextmanager
+def own_work() -> Iterator[None]:
+    """What is done within is ours: reading, and turning measurements into what a system takes."""
+    global _own
+    begin = time.thread_time()
+    try:
+        yield
+    finally:
+        _own += time.thread_time() - begin
+
+
+def tell_own_work() -> None:
+    """Write how long it took, for the table to tell the system's processor time alone."""
+    _OWN.write_text(f"{_own:.6f}\n", encoding="ascii")
 
 
 def names(folder: Path) -> list[tuple[int, str]]:
@@ -21,7 +44,9 @@ def sweeps(dataset: Path, lidar: str) -> Iterator[tuple[int, Any]]:
     """Stamps [ns] and points of a lidar: x, y, z, intensity, ring, time, instance."""
     folder = dataset / "mav0" / lidar
     for stamp, name in names(folder):
-        yield stamp, np.load(folder / "data" / name, allow_pickle=False)
+        with own_work():
+            points = np.load(folder / "data" / name, allow_pickle=False)
+        yield stamp, points
 
 
 def table(dataset: Path, sensor: str) -> tuple[Any, Any]:
@@ -31,6 +56,15 @@ def table(dataset: Path, sensor: str) -> tuple[Any, Any]:
     rows = [row for row in rows if row[0] and not row[0].startswith("#")]
     stamps = np.array([int(row[0]) for row in rows])
     return stamps, np.array([[float(value) for value in row[1:]] for row in rows])
+
+
+def figure(dataset: Path, sensor: str, key: str) -> float:
+    """A number of a sensor's sensor.yaml."""
+    text = (dataset / "mav0" / sensor / "sensor.yaml").read_text(encoding="utf-8")
+    found = re.search(rf'^.*?\b{key}"?: *([-+.\deE]+)', text, re.M)
+    if not found:
+        raise SystemExit(f"{sensor}/sensor.yaml has no number {key!r}")
+    return float(found[1])
 
 
 def about(dataset: Path) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recorded import about, quaternion_of, write_pose
+from recorded import about, figure, quaternion_of, write_pose
 
 POINTS = "/velodyne_points"
 Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -38,6 +38,7 @@ def arguments() -> argparse.Namespace:
         parser.add_argument(name, type=Path)
     parser.add_argument("--recording", type=Path, required=True)
     parser.add_argument("--launch", default="", help="what roslaunch starts of a workspace")
+    parser.add_argument("--lidar", default="lidar0", help="folder of the lidar that is played")
     parser.add_argument("--lidars", default="", help="RINGS=WORD,… for LIDAR in --launch")
     parser.add_argument("--topic", required=True, help="of nav_msgs/Odometry")
     parser.add_argument("--correction", help="topic of TransformStamped, from --topic's frame")
@@ -67,10 +68,7 @@ def system_of(told: argparse.Namespace) -> tuple[list[str], list[str]]:
 def lidar_word(told: argparse.Namespace) -> str:
     """What the launch file of the recorded lidar is called."""
     words: dict[str, str] = dict(pair.split("=") for pair in told.lidars.split(","))
-    streams = {Path(one["folder"]).name: one for one in about(told.recording)["streams"]}
-    name = streams["lidar0"]["name"]
-    lidar = next(one for one in about(told.recording)["sensors"] if one["name"] == name)
-    rings = str(len(lidar["elevations_deg"]) or int(lidar["channels"]))
+    rings = f"{figure(told.recording, told.lidar, 'rings'):g}"
     if rings not in words:
         sys.exit(f"the lidar has {rings} rings, the system knows {', '.join(words)}")
     return words[rings]

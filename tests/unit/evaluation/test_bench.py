@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import sys
 import textwrap
@@ -22,7 +23,7 @@ from terrain_forge.evaluation import (
     known_systems,
     result_lines,
 )
-from terrain_forge.evaluation.bench import truth_of
+from terrain_forge.evaluation.bench import sensor_places, truth_of
 from terrain_forge.evaluation.catalogue import read_system, with_binaries
 from terrain_forge.evaluation.paper import paper_figure
 from tests.helpers import command_line
@@ -78,6 +79,8 @@ def system(tmp_path):
         ({"command": "run '"}, "command: no closing quotation"),
         ({"output": "{folders}/a.tum"}, "output has {folders}, known: {input}"),
         ({"stamps": "{here}"}, "stamps has {here}, known"),
+        ({"frame": "{folder}"}, "frame has {folder}, known: {left}, {right}, {lidar}"),
+        ({"map": "{there}.ply"}, "map has {there}, known: {input}"),
         ({"frame": "nolink"}, "wrong: frame: no sensor 'nolink' was recorded, there are: cam0 ("),
     ],
 )
@@ -174,7 +177,7 @@ def test_runs_have_a_spread(dataset, system):
     assert ate == pytest.approx([0.01, 0.02, 0.03])
     row = result_lines(results)[1]
     assert "3 of 3" in row
-    assert row.split()[6:10] == ["0.02", "0.01", "to", "0.03"]
+    assert row.split()[5:9] == ["0.02", "0.01", "to", "0.03"]
 
 
 def test_an_interrupt_tells_what_is_scored(dataset, system):
@@ -318,10 +321,12 @@ def test_the_catalogue_is_whole(dataset):
         assert adapter.about
         assert len(adapter.words(places)) > 1
         assert adapter.needs_binary == (name in six)
+        frame = adapter.frame_of(sensor_places(open_recording(dataset)))
         if adapter.needs != ("odometry",):
-            assert len(truth_of(open_recording(dataset), adapter.frame).time) > 1
+            assert len(truth_of(open_recording(dataset), frame).time) > 1
         told = "".join(adapter.needs)  # a frame whose truth it needs not have is not its own
-        assert {"imu0": "imu", "lidar0": "lidar", "cam0": "stereo"}.get(adapter.frame, "") in told
+        assert {"lidar0": "lidar", "cam0": "stereo"}.get(frame, "") in told
+        assert not re.search("cam[0-9]|lidar[0-9]|imu[0-9]", f"{adapter.frame} {adapter.command}")
     listed = command_line.run("evaluate", "--list").stdout
     assert [line.split()[0] for line in listed.splitlines()] == list(known_systems())
     with pytest.raises(DataError, match="needs no packages"):
@@ -333,6 +338,124 @@ def test_by_default_those_that_are_there_and_find_their_sensors(dataset, monkeyp
     assert [one.name for one in chosen_systems(None, dataset)] == ["imu", "stereo-odometry"]
     more = chosen_systems(None, dataset, ["libviso2=viso"])
     assert [one.binary for one in more] == ["", "", "viso"]
+
+
+def test_the_pair_and_the_lidar_are_those_of_the_recording(dataset, system):
+    """A mast camera has the first folder, and the first lidar was left out."""
+    mast = shutil.copytree(dataset / "mav0" / "cam0", dataset / "mav0" / "mast")
+    about = json.loads((mast / "sensor.yaml").read_text())
+    about["T_BS"]["data"][3] += 0.5
+    about["T_BS"]["data"][7] += 0.5
+    (mast / "sensor.yaml").write_text(json.dumps(about))
+    text = (dataset / "truth" / "cam0.tum").read_text()
+    for was, now in (("cam1", "cam2"), ("cam0", "cam1"), ("lidar0", "lidar1")):
+        (dataset / "mav0" / was).rename(dataset / "mav0" / now)
+        (dataset / "truth" / f"{was}.tum").rename(dataset / "truth" / f"{now}.tum")
+        index = dataset / "dataset.json"
+        index.write_text(index.read_text().replace(f'{was}"', f'{now}"'))
+    mast.rename(dataset / "mav0" / "cam0")
+    (dataset / "truth" / "cam0.tum").write_text(text.replace(" ", " 9", 1))
+    index = json.loads((dataset / "dataset.json").read_text())
+    index["streams"].insert(
+        0, {"folder": "mav0/cam0", "name": "mast", "kind": "camera", "channels": {"data": {}}}
+    )
+    (dataset / "dataset.json").write_text(json.dumps(index))
+    places = {"left": "cam1", "right": "cam2", "lidar": "lidar1"}
+    assert sensor_places(open_recording(dataset)) == places
+    body = _NOISY.replace("cam0", "cam1")
+    path = system("pair", body, frame="{left}", needs=["stereo"])
+    kitti = system("kitti", _KITTI, input="kitti", format="kitti", frame="{left}", needs=["stereo"])
+    results = evaluate_recording(
+        dataset, [find_system(path), find_system(kitti)], options=ScoreOptions(align="origin")
+    )
+    assert [one.run.status for one in results] == ["done", "done"]
+    assert [one.frame for one in results] == ["cam1", "cam1"]
+    assert results[1].score.ate.rms < 1e-9
+    assert results[1].frames == 5
+
+
+def test_a_place_of_a_sensor_that_was_not_recorded_is_told(tmp_path, system):
+    dataset = write_recording(tmp_path / "eyes" / "dataset", lidar=False)
+    (one,) = evaluate_recording(dataset, [find_system(system("low", "", frame="{lidar}"))])
+    assert one.run.why == "low needs lidar, which was not recorded"
+
+
+def test_inputs_hold_what_their_systems_read_alone(dataset):
+    rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed")
+    systems = with_binaries([], ["libviso2=/bin/true", "hdl-graph-slam=/bin/true"])
+    evaluate_recording(dataset, systems)
+    (inputs,) = (dataset / "slam" / "inputs").iterdir()
+    assert not list(inputs.rglob("velodyne"))
+    (bag,) = inputs.rglob("recording.bag")
+    with rosbags.AnyReader([bag]) as reader:
+        assert {"/velodyne_points", "/imu0", "/tf_static"} <= reader.topics.keys()
+        assert not [name for name in reader.topics if "cam" in name]
+
+
+def test_an_option_may_be_a_list(dataset, system):
+    path = system("bag", "pass", input="rosbag2", input_options={"sensors": ["imu0", "lidar0"]})
+    evaluate_recording(dataset, [find_system(path)])
+    assert list((dataset / "slam" / "inputs").glob("*/rosbag2_sensors-imu0+lidar0"))
+
+
+@pytest.mark.parametrize("kind", ["kitti", "rosbag1", "rosbag2"])
+def test_a_disk_without_room_for_an_input_is_told_at_once(dataset, system, kind, monkeypatch):
+    """By what is about to be written, which the format knows to a quarter."""
+    write_dataset(dataset, kind, dataset / "whole")
+    written = sum(one.stat().st_size for one in (dataset / "whole").rglob("*") if one.is_file())
+    told = system("mine", "pass", input=kind)
+    for free, room in ((0.6 * written, False), (1.4 * written, True)):
+        usage = shutil.disk_usage(dataset)._replace(free=int(free))
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, usage=usage: usage)
+        (one,) = evaluate_recording(dataset, [find_system(told)])
+        assert one.run.status == ("lost" if room else "failed"), one.run.why
+        assert (": it needs about " in one.run.why) != room
+
+
+def test_all_may_be_given_more_time_or_less(dataset, system):
+    path = system("slow", "import time; time.sleep(60)")
+    (one,) = evaluate_recording(dataset, [find_system(path)], timeout_s=1.0)
+    assert one.run.why == "killed after 1 s"
+    done = command_line.run("evaluate", dataset, "--systems", path, "--timeout", "1")
+    assert "slow: timeout: killed after 1 s" in done.stdout
+
+
+_LOST = """
+    rows = open(f"{source}/poses/00.txt").readlines()
+    open(target, "w").writelines([rows[1], rows[2], rows[2], rows[4]])
+"""
+"""As ORB-SLAM2 writes: none of before it began, and the last one again where it was lost."""
+
+
+def test_frames_before_the_first_and_those_that_repeat_have_no_pose(dataset, system):
+    path = system("orb", _LOST, input="kitti", format="kitti", frames="last")
+    (one,) = evaluate_recording(dataset, [find_system(path)], options=ScoreOptions(align="origin"))
+    assert one.score.poses == 3
+    assert one.score.ate.rms < 1e-9
+
+
+def test_a_drivers_own_time_is_not_the_systems(dataset, system):
+    body = "sum(range(9_000_000))\n" + textwrap.dedent(_NOISY)
+    own = body + "import time\nopen('own_s.txt', 'w').write(str(time.process_time()))\n"
+    systems = [find_system(system("whole", body)), find_system(system("own", own))]
+    whole, part = evaluate_recording(dataset, systems)
+    assert 0.0 < part.run.processor_s < whole.run.processor_s
+
+
+def test_tables_have_all_measures_and_the_text_those_that_a_terminal_holds(
+    dataset, system, tmp_path
+):
+    adapter = find_system(system("a-system-of-16-b", _NOISY, needs=["stereo"]))
+    options = ScoreOptions(align="all", drift_over_m=0.1, stations_m=0.05)
+    evaluate_recording(dataset, [adapter], runs=3, options=options)
+    lines = (dataset / "slam" / "evaluation.txt").read_text().splitlines()
+    assert max(map(len, lines)) <= 100
+    with (dataset / "slam" / "evaluation.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["RPE median [m]"]) >= 0.0
+    assert float(row["yaw drift [deg]"]) >= 0.0
+    assert " to " in row["TDr of runs [%]"]
+    assert row["KITTI t [%]"] == row["KITTI r [deg/m]"] == ""  # of 100 m and more
 
 
 WRONG = {

@@ -11,10 +11,20 @@ import rasterio
 from scipy.spatial.transform import Rotation
 
 from terrain_forge.base import DataError, OutputError
-from terrain_forge.evaluation import MapPoints, map_rows, read_map, score_map, site_grid
+from terrain_forge.evaluation import (
+    MapPoints,
+    ScoreOptions,
+    find_system,
+    map_rows,
+    read_map,
+    score_map,
+    site_grid,
+)
 from terrain_forge.evaluation.map_tables import kept_maps, score_maps, write_maps
+from terrain_forge.report import evaluate
 from tests.helpers import worlds
 from tests.helpers.command_line import run
+from tests.helpers.recordings import write_recording
 
 AREA = (-3.0, -2.25, 3.0, 2.25)
 
@@ -237,3 +247,35 @@ def test_the_command_scores_poses_of_kittis_format_with_stamps(tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[1].split()[:3] == ["mine", "50", "0"]
     assert "must be 8" in run(*words).stderr
+
+
+def test_a_system_may_make_a_map_which_is_kept_and_scored(world, tmp_path):
+    out = tmp_path / "out"
+    world.save(out)
+    write_recording(out / "dataset")
+    whole = _whole(site_grid(world))
+    np.save(tmp_path / "whole.npy", np.column_stack([whole.position - (1.0, 2.0, 3.0), whole.rock]))
+    (tmp_path / "mine.py").write_text(
+        "import shutil, sys\n"
+        "rows = [line.split() for line in open(f'{sys.argv[1]}/truth/cam0.tum')]\n"
+        "with open(sys.argv[2], 'w') as file:\n"  # in a frame of its own, 1, 2, 3 m off
+        "    for time, x, y, z, *turn in rows:\n"
+        "        place = [float(x) - 1.0, float(y) - 2.0, float(z) - 3.0]\n"
+        "        file.write(' '.join([time, *map(str, place), *turn]) + '\\n')\n"
+        f"shutil.copy('{tmp_path}/whole.npy', 'last_map.npy')\n"
+    )
+    for name, pattern in (("mine", "last_*.npy"), ("none", "cloud.ply")):
+        (tmp_path / f"{name}.yaml").write_text(
+            f'command: "{{python}} {tmp_path}/mine.py {{input}} {{output}}"\n'
+            f"frame: cam0\nmap: {pattern}\n"
+        )
+    systems = [find_system(str(tmp_path / f"{name}.yaml")) for name in ("mine", "none")]
+    results = evaluate(out, systems, runs=2, options=ScoreOptions(align="all"))
+    slam = out / "dataset" / "slam"
+    assert results[1].run.map == slam / "mine_2" / "map.npy"
+    assert results[1].run.map.is_file()
+    assert [one.run.status for one in results] == ["done"] * 4
+    assert results[2].run.why == "wrote no map (cloud.ply)"
+    told = json.loads((slam / "maps.json").read_text())
+    assert [one["name"] for one in told] == ["mine 1", "mine 2"]
+    assert [one["right"] for one in told] == [1.0, 1.0]

@@ -58,7 +58,7 @@ def test_pictures_in_which_it_was_lost_have_no_pose(tmp_path):
         (folder / "data.csv").write_text("\n".join(("#timestamp [ns],filename", *rows)))
     told = tmp_path / "told.tum"
     subprocess.run(
-        [sys.executable, DRIVER, tmp_path, told, "vocabulary", tmp_path],
+        [sys.executable, DRIVER, tmp_path, told, "vocabulary", tmp_path, "cam0", "cam1"],
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
         check=True,
     )
