@@ -42,7 +42,7 @@ def storing(target: Path, folder: Path) -> Iterator[None]:
         raise
 
 
-def require_room(target: Path, needed: int) -> None:
+def require_disk(target: Path, needed: int) -> None:
     """Refuse what a disk has no room for.
 
     Raises:

@@ -20,8 +20,8 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
+    require_disk,
     require_unlinked,
-    require_room,
     resolved,
     returning,
     silent,
@@ -140,7 +140,7 @@ def write_dataset(
     with storing(target, target.parent):
         _require_free(target, recording)
         require_unlinked(around.parent, around.name)
-        require_room(target, writer.size(recording, chosen))
+        require_disk(target, writer.size(recording, chosen))
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)

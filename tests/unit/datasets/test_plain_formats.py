@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +12,13 @@ import pytest
 from PIL import Image
 
 from terrain_forge.base import ExportError
-from terrain_forge.datasets import dataset_kind, open_recording, write_dataset
+from terrain_forge.datasets import (
+    calibration_files,
+    dataset_kind,
+    open_recording,
+    pair_of,
+    write_dataset,
+)
 from terrain_forge.datasets.point_files import PointFile, points_of
 from terrain_forge.writers import write_png
 from tests.helpers.recordings import (
@@ -25,6 +33,37 @@ from tests.helpers.recordings import (
 
 ON_PLANE = 1e-5
 """How far a point in 32 bits may be off the plane [m]."""
+
+
+def test_formats_and_calibration_take_one_pair(tmp_path):
+    """The second, as the pictures of the first have distortion."""
+    dataset = write_recording(tmp_path / "dataset", lidar=False)
+    index = json.loads((dataset / "dataset.json").read_text())
+    for side, (was, now) in enumerate({"cam0": "cam2", "cam1": "cam3"}.items()):
+        shutil.copytree(dataset / "mav0" / was, dataset / "mav0" / now)
+        shutil.copy(dataset / "truth" / f"{was}.tum", dataset / "truth" / f"{now}.tum")
+        about = json.loads((dataset / "mav0" / now / "sensor.yaml").read_text())
+        about["T_BS"]["data"][11] += 0.5  # higher up
+        about["intrinsics"][0] = about["intrinsics"][1] = 2.0 * FOCAL
+        (dataset / "mav0" / now / "sensor.yaml").write_text(json.dumps(about))
+        bent = json.loads((dataset / "mav0" / was / "sensor.yaml").read_text())
+        bent |= {"distortion_model": "radtan", "distortion_coefficients": [-0.1, 0.01, 0, 0]}
+        (dataset / "mav0" / was / "sensor.yaml").write_text(json.dumps(bent))
+        stream = {"folder": f"mav0/{now}", "name": now, "kind": "camera", "channels": {"data": {}}}
+        index["streams"].insert(2 + side, stream)
+        index["transforms"][now] = index["transforms"][was]
+    (dataset / "dataset.json").write_text(json.dumps(index))
+    recording = open_recording(dataset)
+    assert recording.pairs[0].left.key == "cam0"
+    assert pair_of(recording).left.key == "cam2"
+    write_dataset(recording, "kitti", tmp_path / "kitti")
+    assert f"P0: {2.0 * FOCAL:.12e}" in (tmp_path / "kitti/sequences/00/calib.txt").read_text()
+    files = calibration_files(recording)
+    words = {"orbslam2/stereo_kitti.yaml": "Camera", "orbslam3/stereo.yaml": "Camera1"}
+    for name, word in words.items():
+        (line,) = [one for one in files[name].decode().splitlines() if one.startswith(f"{word}.fx")]
+        assert float(line.split()[1]) == 2.0 * FOCAL
+    assert "mav0/cam2/data" in files["README.txt"].decode().replace("\n", " ")
 
 
 def read_tum(path):

@@ -85,9 +85,8 @@ with Writer(target) as bag:
 def ros(tmp_path, monkeypatch):
     """A recording, and programs of ROS first on the PATH that tell what they were given."""
     dataset = write_recording(tmp_path / "dataset")
-    about = json.loads((dataset / "dataset.json").read_text())
-    about["sensors"][0]["elevations_deg"] = list(range(-15, 16, 2))
-    (dataset / "dataset.json").write_text(json.dumps(about))
+    about = json.loads((dataset / "mav0/lidar0/sensor.yaml").read_text())
+    (dataset / "mav0/lidar0/sensor.yaml").write_text(json.dumps(about | {"rings": 16}))
     programs = tmp_path / "ros"
     programs.mkdir()
     writer, log = tmp_path / "writer.py", tmp_path / "log"
