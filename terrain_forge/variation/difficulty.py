@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import math
+from collections.abc import Collection, Iterator
 from typing import Any
 
-from terrain_forge.base import portable
-from terrain_forge.recipe import DifficultySpec, recipe_from_json
-from terrain_forge.rocks import PopulationSpec
+from terrain_forge.base import Key, RecipeError, portable
+from terrain_forge.recipe import DifficultySpec, Recipe
+from terrain_forge.rocks import PopulationSpec, PowerLaw, Tabulated
 from terrain_forge.terrain import Ripples
 
 
@@ -18,30 +19,81 @@ def between(low: float, high: float, part: float, *, logarithmic: bool) -> float
     return float(low * portable.power(high / low, part))
 
 
-def with_difficulty(plain: dict[str, Any], spec: DifficultySpec, level: float) -> dict[str, Any]:
-    """Change a recipe, as plain data, for a difficulty; returns what is new, by its keys."""
-    recipe = recipe_from_json(json.dumps(plain))
+def with_difficulty(
+    plain: dict[str, Any],
+    recipe: Recipe,
+    spec: DifficultySpec,
+    level: float,
+    *,
+    varied: Collection[Key] = (),
+) -> dict[str, Any]:
+    """Change a recipe, as plain data, for a difficulty; returns what is new, by its keys.
+
+    Args:
+        plain: The recipe as plain data, which is changed.
+        recipe: The same recipe.
+        spec: What a difficulty changes.
+        level: The difficulty, 0 to 1.
+        varied: Keys that are drawn otherwise: what one of them names stays as it is.
+
+    Raises:
+        RecipeError: for a population whose cover cannot be chosen.
+    """
     changed: dict[str, Any] = {}
-    if spec.rock_cover is not None:
-        cover = between(*spec.rock_cover, level, logarithmic=True)
-        for n, population in enumerate(recipe.rocks.populations):
-            law = plain["rocks"]["populations"][n]["size_frequency"]
-            if law["kind"] == "golombek":
-                law |= {"k": cover, "cover": None, "site": None}
-                changed[f"rocks.populations.{n}.size_frequency.k"] = cover
-            elif law.get("number_per_m2"):
-                number = law["number_per_m2"] * cover / _cover(population)
-                law["number_per_m2"] = number
-                changed[f"rocks.populations.{n}.size_frequency.number_per_m2"] = number
-    for n, layer in enumerate(recipe.terrain.layers):
-        own = plain["terrain"]["layers"][n]
-        for key, value in _changes(own, layer, spec, level).items():
-            target, (*way, last) = own, key.split(".")
-            for word in way:
-                target = target[word]
-            target[last] = value
-            changed[f"terrain.layers.{n}.{key}"] = value
+    for where, changes in _all_changes(plain, recipe, spec, level):
+        keys = {(*where, *key.split(".")): value for key, value in changes.items()}
+        if any(meet(key, other) for key in keys for other in varied):
+            continue
+        for key, value in keys.items():
+            target: Any = plain
+            for step in key[:-1]:
+                target = target[step]
+            target[key[-1]] = value
+            if value is not None:
+                changed[".".join(map(str, key))] = value
     return changed
+
+
+def meet(one: Key, other: Key) -> bool:
+    """Whether one key is the other or lies in it."""
+    shared = min(len(one), len(other))
+    return shared > 0 and one[:shared] == other[:shared]
+
+
+def _all_changes(
+    plain: dict[str, Any], recipe: Recipe, spec: DifficultySpec, level: float
+) -> Iterator[tuple[Key, dict[str, Any]]]:
+    """Where a difficulty changes something, and what, by keys there: all of them or none."""
+    for n, population in enumerate(recipe.rocks.populations):
+        if spec.rock_cover is not None:
+            where = ("rocks", "populations", n, "size_frequency")
+            cover = between(*spec.rock_cover, level, logarithmic=True)
+            yield where, _with_cover(population, cover, where)
+    for n, layer in enumerate(recipe.terrain.layers):
+        yield ("terrain", "layers", n), _changes(plain["terrain"]["layers"][n], layer, spec, level)
+
+
+def _with_cover(population: PopulationSpec, cover: float, where: Key) -> dict[str, Any]:
+    """What a population's law becomes so that its rocks cover a part of the ground, by its keys."""
+    law: Any = population.size_frequency
+    if law.kind == "golombek":
+        return {"k": cover, "cover": None, "site": None}
+    number: Any = getattr(law, "number_per_m2", None)
+    others: dict[str, Any] = {}
+    if isinstance(law, PowerLaw):
+        number = law.coefficients[0]
+        others = {"exponent": law.coefficients[1], "site": None} if law.site else {}
+    numbers = law.numbers_per_m2 if isinstance(law, Tabulated) else None
+    now = _cover(population) if number or numbers else 0.0
+    if not 0.0 < now < math.inf:
+        raise RecipeError(
+            f"worlds.difficulty.rock_cover cannot scale this law ({law.kind}): write its numbers "
+            "here, so that its rocks cover some of the ground, or give rock_cover: null",
+            key=where,
+        )
+    if numbers:
+        return {"numbers_per_m2": [one * cover / now for one in numbers]}
+    return {"number_per_m2": number * cover / now, **others}
 
 
 def _cover(population: PopulationSpec) -> float:

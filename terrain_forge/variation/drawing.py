@@ -29,7 +29,7 @@ from terrain_forge.recipe import (
     WorldsSpec,
     numbered,
 )
-from terrain_forge.variation.difficulty import between, with_difficulty
+from terrain_forge.variation.difficulty import between, meet, with_difficulty
 from terrain_forge.variation.values import checked_recipe, drawn_value, plain_recipe, put_value
 
 PLACES = 64
@@ -88,8 +88,6 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         plain["horizon"]["reach_m"] = 0.0
     plain["seed"] = int(stage_key(recipe.seed, f"worlds/{number}/seed")) >> 1
     values: dict[str, Any] = {}
-    if spec.difficulty is not None and level is not None:
-        values |= with_difficulty(plain, spec.difficulty, level)
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
         if _is_drawn(wish, where):
@@ -98,6 +96,10 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
             values[key] = value
     try:
         own = checked_recipe(plain, ("worlds",))
+        if spec.difficulty is not None and level is not None:  # of what was drawn
+            varied = _keys(recipe).values()
+            values = with_difficulty(plain, own, spec.difficulty, level, varied=varied) | values
+            own = checked_recipe(plain, ("worlds",))
         _require_goals(own, spec.arrival.distance_m)
         if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
             rank = level if _ranked(spec, own, level) else None
@@ -106,8 +108,8 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         else:
             site = plan(own, folder=folder)
     except (RecipeError, DataError) as error:
-        varied = {key: value for key, value in values.items() if key in spec.vary}
-        raise _due(error, recipe, varied, folder) from None
+        drawn = {key: value for key, value in values.items() if key in spec.vary}
+        raise _due(error, recipe, drawn, folder) from None
     values["seed"] = own.seed
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
 
@@ -147,9 +149,9 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
                 continue
             whole = keys[key][0] in _OF_PLACE
             wrong = _wrong(own, spec, folder, whole=whole)
-            if wrong is None or any(_meet(wrong.key, other) for other in others):
+            if wrong is None or any(meet(wrong.key, other) for other in others):
                 continue
-            if _meet(wrong.key, keys[key]) or _stands(recipe, folder, whole=whole):
+            if meet(wrong.key, keys[key]) or _stands(recipe, folder, whole=whole):
                 raise _drawn_wrong(wrong, where, value)
     if spec.difficulty is not None:
         low, high = np.broadcast_to(spec.difficulty.level, 2).tolist()
@@ -158,7 +160,8 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
             raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)
         for level in (0.0, 1.0):
             plain = plain_recipe(recipe)
-            with_difficulty(plain, spec.difficulty, level)
+            own = checked_recipe(plain, ("worlds",))
+            with_difficulty(plain, own, spec.difficulty, level, varied=keys.values())
             checked_recipe(plain, ("worlds", "difficulty"))
     draw(recipe, 0, folder=folder)  # what is wrong in all of them
 
@@ -212,15 +215,9 @@ def _due(
         if wrong is not None and _stands(recipe, folder, whole=True):
             return _drawn_wrong(wrong, where, value)
     for key, place in _keys(recipe).items():
-        if key in drawn and _meet(error.key, place):
+        if key in drawn and meet(error.key, place):
             return _drawn_wrong(error, ("worlds", "vary", key), drawn[key])
     return error
-
-
-def _meet(one: Key, other: Key) -> bool:
-    """Whether one key is the other or lies in it."""
-    shared = min(len(one), len(other))
-    return shared > 0 and one[:shared] == other[:shared]
 
 
 def variation_line(recipe: Recipe) -> str:
