@@ -15,6 +15,7 @@ from terrain_forge.terminal import (
     SET,
     Command,
     Display,
+    Number,
     names_of,
     say,
     side_by_side,
@@ -36,6 +37,12 @@ _MOST_TOLD = 5
     metavar="ROWSxCOLUMNS",
     help="One scene of rows of rising difficulty and columns of variants, with flat borders.",
 )
+@click.option(
+    "--border",
+    type=Number(0.1, 1e3),
+    metavar="METRES",
+    help="Width of the borders of a grid [default: 4, or more where they would be steep].",
+)
 @SEED
 @SET
 @ONLY
@@ -45,6 +52,7 @@ def make_worlds(
     out: Path | None,
     count: int | None,
     grid: str | None,
+    border: float | None,
     seed: int | None,
     changes: tuple[str, ...],
     only: tuple[str, ...],
@@ -70,9 +78,12 @@ def make_worlds(
                 raise click.UsageError(f"--{option} has no effect beside --grid: leave one out")
         out = out or Path(f"{file.recipe.name}-grid")
         with located(file), Display(("worlds",)) as display:
-            made = make_grid(file, out, shape=_shape(grid), only=names, progress=display)
+            size = _shape(grid)
+            made = make_grid(file, out, shape=size, only=names, border=border, progress=display)
         say(f"{made}: {grid} worlds as one scene in {time_text(display.elapsed)}")
         return 0
+    if border is not None:
+        raise click.UsageError("--border has no effect without --grid: leave it out")
     out = out or Path(f"{file.recipe.name}-worlds")
     with located(file), Display(("compile", "worlds")) as display:
         result = worlds(

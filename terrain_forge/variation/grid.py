@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
@@ -18,6 +21,7 @@ from terrain_forge.base import (
     RecipeError,
     RecipeWarning,
     Stopwatch,
+    TerrainForgeError,
     dotted,
     resolved,
     silent,
@@ -25,7 +29,7 @@ from terrain_forge.base import (
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_world, plan
-from terrain_forge.model import Heightfield, World
+from terrain_forge.model import Heightfield, Site, World
 from terrain_forge.recipe import (
     MOST_WORLDS,
     DifficultySpec,
@@ -48,7 +52,13 @@ from terrain_forge.variation.mosaic import Mosaic
 from terrain_forge.variation.series import orders_of, summary_of
 
 BORDER = 4.0
-"""Width of the border between worlds of a grid [m], half of which slopes to its flat middle."""
+"""Width of the border between worlds of a grid at least, unless it is given [m]."""
+FLAT = 1.0
+"""Half of the flat middle of a border, or a quarter of a narrow border [m]."""
+STEEPEST = 20.0
+"""Slope from a world's edge to the middle of a border [degrees] that a wide enough one has."""
+_STEEPER = 1.5
+"""Steepest slope of a border over its mean one."""
 _COMMON = (
     *(("body",), ("rover",), ("sensors",), ("sun",), ("sky",)),
     *(("rocks", "library"), ("dtm", "size_m"), ("terrain", "spacing_m")),
@@ -64,14 +74,15 @@ def make_grid(
     shape: tuple[int, int],
     folder: Path | str = ".",
     only: tuple[str, ...] | str | None = None,
-    border: float = BORDER,
+    border: float | None = None,
     progress: Progress = silent,
 ) -> Path:
     """Make rows of rising difficulty × columns of variants as one scene; returns its folder.
 
     Row 0 is the southern one, of the least difficulty of `worlds.difficulty`. The worlds lie as
     they are made alone, each moved up or down so that its edge lies at 0 on average; borders slope
-    from their edges to 0. `grid.json` tells where each is and what was drawn for it.
+    from their edges to 0. `grid.json` tells where each is, what was drawn for it and how steeply
+    its border falls; a warning tells of more than 20°.
 
     Args:
         recipe: What to make, or its file.
@@ -79,7 +90,8 @@ def make_grid(
         shape: Rows and columns.
         folder: What the recipe's paths are relative to; of a file, its own folder.
         only: Folders of the exports to write; by default all of the recipe.
-        border: Width of the border [m].
+        border: Width of the border [m]; by default 4 m, or as many as make none steeper than 20°,
+            up to twice the shorter side of a world and what there is room for.
         progress: Called with the share that is made.
 
     Raises:
@@ -91,19 +103,51 @@ def make_grid(
     out = resolved(out)
     require_ours(out)
     orders = orders_of(recipe, only)
-    margin = max(round(0.5 * border / recipe.terrain.spacing_m), 1)
-    _require_fits(recipe, shape, margin)
+    _require_fits(recipe, shape, _margin(recipe, border or BORDER))
     recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))
     require_drawable(recipe, folder)
-    whole, cells = _assembled(recipe, folder, shape, margin, orders, progress)
+    whole, cells = _assembled(recipe, folder, shape, border, orders, progress)
     with replacing(out) as directory:
         exports = tuple(write_export(whole, directory, order) for order in orders)
         write_truth(whole, directory, figures=False)
         whole.save(directory)
-        text = json.dumps({"rows": shape[0], "columns": shape[1], "worlds": cells}, indent=1)
+        steepest = max(cell["border_slope_deg"] for cell in cells)
+        told = {"rows": shape[0], "columns": shape[1], "steepest_border_deg": steepest}
+        text = json.dumps({**told, "worlds": cells}, indent=1)
         (directory / "grid.json").write_text(text + "\n", encoding="utf-8")
         write_manifest(whole.site, directory, exports=exports, altered={})
     return out
+
+
+def _margin(recipe: Recipe, border: float) -> int:
+    """Cells of half a border."""
+    return max(round(0.5 * border / recipe.terrain.spacing_m), 1)
+
+
+def _wide(height: float, spacing: float) -> float:
+    """The least border [m] that falls gently from an edge of a height."""
+    return 2.0 * (_STEEPER * height / math.tan(math.radians(STEEPEST)) + FLAT + spacing)
+
+
+def _warn_of_cliffs(steepest: float, border: float, enough: float) -> None:
+    """Tell of borders that fall more steeply than they need to."""
+    if steepest > STEEPEST:
+        warnings.warn(
+            f"borders of {border:.3g} m between the worlds of the grid fall by up to "
+            f"{steepest:.0f}°: {enough:.3g} m would be gentler than {STEEPEST:g}°",
+            RecipeWarning,
+            stacklevel=4,
+        )
+
+
+def _slope(height: float, margin: int, spacing: float) -> float:
+    """How steeply a border falls from an edge of a height, at most [degrees]."""
+    return math.degrees(math.atan(_STEEPER * height / (_fall(margin, spacing) * spacing)))
+
+
+def _fall(margin: int, spacing: float) -> float:
+    """Cells from a world's edge to the flat middle of its border."""
+    return max(margin - FLAT / spacing, 0.5 * margin, 1.0)
 
 
 def _require_fits(recipe: Recipe, shape: tuple[int, int], margin: int) -> None:
@@ -129,23 +173,25 @@ def _cells(recipe: Recipe, margin: int) -> tuple[int, int]:
     return east + 2 * margin, north + 2 * margin
 
 
-def _assembled(
+def _scene(
     recipe: Recipe,
     folder: Path,
     shape: tuple[int, int],
     margin: int,
     orders: tuple[ExportOrder, ...],
-    progress: Progress,
-) -> tuple[World, list[dict[str, Any]]]:
-    """The world of all, and what each of its parts is."""
-    rows, columns = shape
-    spacing = recipe.terrain.spacing_m
-    across, up = _cells(recipe, margin)
+) -> Site:
+    """The site of the whole scene, which has nothing of its own.
+
+    Raises:
+        OutputError, RecipeError: if it does not fit into memory, or a format.
+    """
+    _require_fits(recipe, shape, margin)
+    (across, up), spacing = _cells(recipe, margin), recipe.terrain.spacing_m
     site = plan(
         replace(
             recipe,
             name=f"{recipe.name}-grid",
-            dtm=FlatDtm(size_m=(columns * across * spacing, rows * up * spacing)),
+            dtm=FlatDtm(size_m=(shape[1] * across * spacing, shape[0] * up * spacing)),
             terrain=replace(recipe.terrain, layers=()),
             rocks=RocksSpec(library=recipe.rocks.library),
             paths=(),
@@ -156,16 +202,47 @@ def _assembled(
         folder=folder,
     )
     require_exports(orders, site)
+    return site
+
+
+def _assembled(
+    recipe: Recipe,
+    folder: Path,
+    shape: tuple[int, int],
+    border: float | None,
+    orders: tuple[ExportOrder, ...],
+    progress: Progress,
+) -> tuple[World, list[dict[str, Any]]]:
+    """The world of all, and what each of its parts is."""
+    rows, columns = shape
+    spacing = recipe.terrain.spacing_m
+    wide = border or BORDER
+    site = _scene(recipe, folder, shape, _margin(recipe, wide), orders)
+    made = []
+    for one in _worlds(recipe, folder, shape):
+        made.append(one)
+        progress("worlds", len(made) / (rows * columns))
+    highest = [_lifted(world.ground.elevation)[1] for world, *_ in made]
+    enough = _wide(max(highest), spacing)
+    if border is None and enough > wide:
+        wider = max(wide, min(enough, 2.0 * min(recipe.dtm.size_m)))
+        with suppress(TerrainForgeError):  # there is no room for it
+            site = _scene(recipe, folder, shape, _margin(recipe, wider), orders)
+            wide = wider
+    margin = _margin(recipe, wide)
+    across, up = _cells(recipe, margin)
+    slopes = [round(_slope(height, margin, spacing), 1) for height in highest]
+    _warn_of_cliffs(max(slopes), wide, enough)
     elevation = np.zeros((rows * up + 1, columns * across + 1), np.float32)
     looks, fields, cells, number = Mosaic(elevation.shape), [], [], 0
     first: World | None = None
-    for world, summary, row, column in _worlds(recipe, folder, shape):
+    for (world, summary, row, column), slope in zip(made, slopes, strict=True):
         first = first or world
         place = (
             slice(row * up, (row + 1) * up + 1),
             slice(column * across, (column + 1) * across + 1),
         )
-        lifted, rise = _with_border(world.ground.elevation.astype(np.float64), margin)
+        lifted, rise = _with_border(world.ground.elevation, margin, spacing)
         elevation[place] = lifted
         middle = (
             site.west + (column + 0.5) * across * spacing,
@@ -179,8 +256,8 @@ def _assembled(
         )
         number += len(world.field)
         height = float(world.ground.height_at(0.0, 0.0)) + rise
-        cells.append({"row": row, "column": column, "origin_m": [*middle, height], **summary})
-        progress("worlds", len(cells) / (rows * columns))
+        place_of = {"row": row, "column": column, "origin_m": [*middle, height]}
+        cells.append({**place_of, "border_slope_deg": slope, **summary})
     assert first is not None  # a grid has a world
     field = fields[0].joined(*fields[1:]).replace(populations=looks.populations)
     return (
@@ -258,10 +335,16 @@ def _require_common(own: Recipe, recipe: Recipe) -> None:
             )
 
 
-def _with_border(elevation: Array, margin: int) -> tuple[Array, float]:
+def _lifted(elevation: NDArray[np.float32]) -> tuple[float, float]:
+    """How far a world is raised so that its edge lies at 0 on average, and how far it is off it."""
+    edge = np.concatenate([elevation[0], elevation[-1], elevation[:, 0], elevation[:, -1]])
+    rise = -float(edge.astype(np.float64).mean())
+    return rise, float(np.abs(edge + rise).max())
+
+
+def _with_border(heights: NDArray[np.float32], margin: int, spacing: float) -> tuple[Array, float]:
     """Heights with a border that falls to 0, and how far the middle was raised [m]."""
-    edge = [elevation[0], elevation[-1], elevation[:, 0], elevation[:, -1]]
-    rise = -float(np.concatenate(edge).mean())
+    elevation, (rise, _) = heights.astype(np.float64), _lifted(heights)
     padded = np.pad(elevation + rise, margin, mode="edge")
     rows, columns = elevation.shape
     far = [
@@ -269,5 +352,5 @@ def _with_border(elevation: Array, margin: int) -> tuple[Array, float]:
         for nodes in (rows, columns)
         for n in [np.arange(-margin, nodes + margin, dtype=np.float64)]
     ]
-    part = np.minimum(np.sqrt(far[0][:, None] ** 2 + far[1] ** 2) / max(0.5 * margin, 1.0), 1.0)
+    part = np.minimum(np.sqrt(far[0][:, None] ** 2 + far[1] ** 2) / _fall(margin, spacing), 1.0)
     return padded * (1.0 - part * part * (3.0 - 2.0 * part)), rise

@@ -198,6 +198,7 @@ def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     assert float(world.ground.height_at(x, y)) == pytest.approx(z, abs=1e-4)
 
 
+@pytest.mark.filterwarnings("ignore:borders of 2 m")
 def test_worlds_of_a_grid_look_and_feel_as_they_do_alone(tmp_path: Path) -> None:
     def painted(plain: dict[str, Any]) -> None:
         plain["dtm"]["size_m"] = [6.0, 5.0]
@@ -428,6 +429,8 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
         done = run("worlds", path, "--grid", "2x2", *option, "-o", tmp_path / "no")
         assert (done.returncode, len(done.complaints)) == (2, 1)
         assert f"{option[0]} has no effect beside --grid" in done.stderr
+    done = run("worlds", path, "--border", 6, "-o", tmp_path / "no")
+    assert "--border has no effect without --grid" in done.complaints[0]
     wrong = recipe(tmp_path, lambda plain: plain["worlds"].update(vary={"sun.tilt": {}}))
     done = run("worlds", wrong, "-o", tmp_path / "out")
     assert done.returncode == 2
