@@ -22,6 +22,10 @@ from terrain_forge.recipe import DifficultySpec, Recipe, RecipeFile, WorldsSpec
 from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import draw
 
+_PRIORITY = 2
+"""Of the ground's contacts, above those that a robot's geoms may have, as the MJCF export has it:
+MuJoCo takes the larger friction of two geoms of one priority."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class GroundMaker:
@@ -133,7 +137,8 @@ def add_to_spec(
     """Add a world's ground, with its rocks in it, to a `mujoco.MjSpec` as one height field.
 
     MuJoCo Warp, MJX and Newton know height fields of MuJoCo; of rocks such a field has what stands
-    above its nodes, without overhangs.
+    above its nodes, without overhangs. Its contacts have the friction of the body's regolith,
+    whatever touches it; rocks and materials have none of their own.
 
     Args:
         spec: Such as `mujoco.MjSpec()`.
@@ -167,5 +172,6 @@ def add_to_spec(
         hfieldname=name,
         pos=[half[0] + corner[0], half[1] + corner[1], lowest],
         friction=[world.site.body.friction.regolith.coefficient, 0.005, 0.0001],
+        priority=_PRIORITY,
     )
     return geom, field

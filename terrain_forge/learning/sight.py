@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel
-from terrain_forge.learning.arena import Arena, Parts
+from terrain_forge.learning.arena import KEPT, Arena, Parts
 
 AHEAD, ASIDE, STEP = (-0.5, 2.5), 1.0, 0.25
 """Where heights are told, along the heading and to both sides of it, and their distance [m]."""
@@ -30,7 +31,7 @@ class HeightScan:
         y = np.arange(-ASIDE, ASIDE + 0.5 * STEP, STEP)
         self._x, self._y = x.astype(np.float64), y.astype(np.float64)
         self.space = spaces.Box(-HIGHEST, HIGHEST, (len(x), len(y)), np.float32)
-        self._kept: dict[str, NDArray[np.float32]] = {}
+        self._kept: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
         self._highest = np.zeros((2, 2), np.float32)
 
     def begin(self, arena: Arena) -> None:
@@ -42,6 +43,9 @@ class HeightScan:
             # As far as a corner of a point's square lies, however it is turned, from its node.
             reach = math.floor(STEP / (math.sqrt(2.0) * arena.spacing) + 0.5)
             self._kept[name] = maximum_filter(arena.top, 2 * reach + 1, mode="nearest")
+        self._kept.move_to_end(name)
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
         self._highest = self._kept[name]
 
     def look(self, arena: Arena, parts: Parts, cos: float, sin: float) -> NDArray[np.float32]:

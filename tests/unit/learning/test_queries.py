@@ -150,3 +150,50 @@ def test_a_difficulty_is_a_part(difficulty):
     maker = learning.GroundMaker(recipe=recipe())
     with pytest.raises(ValueError, match=r"difficulty: \S+, allowed: 0 to 1"):
         maker.mjlab(difficulty, None, np.random.default_rng(1))
+
+
+def test_a_box_slides_on_ground_of_ours_that_is_steeper_than_its_friction(made):
+    """Whatever friction the box has: MuJoCo takes the ground's."""
+    mujoco = pytest.importorskip("mujoco")
+    world = tf.World.load(made.folders[0])
+    far = world.field.select(np.zeros(len(world.field), np.bool_))
+    rise = np.tan(np.radians(40.0)) * world.ground.east
+    ground = world.ground.replace(
+        elevation=np.broadcast_to(rise, world.ground.shape).astype(np.float32)
+    )
+    spec = mujoco.MjSpec()
+    learning.add_to_spec(
+        spec, world.replace(ground=ground, field=far, neighbours=far), own_frame=True
+    )
+    turn = [np.cos(np.radians(-20.0)), 0.0, np.sin(np.radians(-20.0)), 0.0]
+    box = spec.worldbody.add_body(pos=[2.0, 0.0, 2.0 * np.tan(np.radians(40.0)) + 0.2], quat=turn)
+    box.add_freejoint()
+    box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.2, 0.1], mass=1.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    assert data.qpos[0] < 1.0
+
+
+def test_a_height_scan_keeps_so_many_worlds(monkeypatch):
+    from terrain_forge.learning import sight
+
+    monkeypatch.setattr(sight, "KEPT", 2)
+    scan, seen = sight.HeightScan(), []
+    for name in ("a", "b", "a", "c", "a", "b"):
+        top = Watched(np.zeros((9, 9), np.float32), name, seen)
+        scan.begin(SimpleNamespace(folder=name, spacing=0.1, top=top))
+    assert seen == ["a", "b", "c", "b"]
+
+
+class Watched:
+    """Heights that note when they are read."""
+
+    def __init__(self, top, name, seen):
+        self._top, self._name, self._seen = top, name, seen
+
+    def __array__(self, dtype=None, copy=None):
+        del dtype, copy
+        self._seen.append(self._name)
+        return self._top
