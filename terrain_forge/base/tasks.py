@@ -10,11 +10,14 @@ import asyncio
 import logging
 import os
 import pickle
+import platform
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -27,16 +30,21 @@ from terrain_forge.base.interpreter import python_words
 from terrain_forge.base.registry import FOREIGN_FAILURES, failure_words, plugin_at_fault
 from terrain_forge.base.threads import ask_for_interrupt, processors, worker_threads
 
+_log = logging.getLogger(__name__)
 T = TypeVar("T")
 R = TypeVar("R")
 LOCAL = "local"
 """In place of a scheduler's address: a cluster on this machine."""
 _TICK = 0.1
 """How often an interrupt is looked for [s]."""
+_ASKED = 1.0
+"""How often a cluster is asked for its workers [s]."""
 _AHEAD = 4
 """Tasks for each thread of a cluster that it is given at once."""
 _REACH = 5.0
 """How long a scheduler has to answer [s]."""
+PATIENCE = 600.0
+"""How long a cluster may be without workers before a build gives up [s]."""
 _THREADS = "NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 _SERVE = "from terrain_forge.base import serve_tasks; serve_tasks()"
 
@@ -64,7 +72,8 @@ def run_tasks(
         told: Called with the address of the cluster's dashboard, where there is one.
 
     Raises:
-        OutputError: if the scheduler cannot be reached, or its workers cannot do our work.
+        OutputError: if the scheduler cannot be reached, its workers cannot do our work, or there
+            have been none for `PATIENCE`.
     """
     if scheduler is not None:
         return _on_dask(function, items, workers, scheduler, tries, told)
@@ -250,7 +259,7 @@ def _on_dask(
     client = _connected(scheduler, workers)
     distributed, local = import_module("distributed"), scheduler == LOCAL
     try:
-        _require_same(client, scheduler)
+        mine = _require_same(client, scheduler)
         if told and client.dashboard_link:
             told(client.dashboard_link)
         threads = sum(client.nthreads().values())
@@ -258,7 +267,7 @@ def _on_dask(
         left = iter(items)
 
         def submit(item: T) -> Any:
-            return client.submit(_on_worker, function, item, tries, pure=False)
+            return client.submit(_on_worker, function, item, tries, mine, pure=False)
 
         def ended(future: Any) -> tuple[Any, bool]:
             try:
@@ -269,13 +278,14 @@ def _on_dask(
                     f"the scheduler at {scheduler} was lost; what is whole stays"
                 ) from None
             future.release()
+            if isinstance(died, OutputError):  # the worker is of another version
+                raise died
             return result, died is not None
 
         out = {submit(item): item for item in islice(left, most)}
         suspects: list[T] = []
         finished: Any = distributed.as_completed(out, loop=client.loop)
-        for future in finished:
-            ask_for_interrupt()
+        for future in _arriving(finished, client, scheduler):
             item = out.pop(future)
             result, died = ended(future)
             for following in islice(left, 1):
@@ -287,12 +297,49 @@ def _on_dask(
                 yield item, result
         # Dask blames a worker's death on all that it was given: alone, each shows what it does.
         for item in suspects:
-            ask_for_interrupt()
-            yield item, ended(submit(item))[0]
+            alone = distributed.as_completed([submit(item)], loop=client.loop)
+            for future in _arriving(alone, client, scheduler):
+                yield item, ended(future)[0]
     finally:
         client.close()
         if local:
             client.cluster.close()
+
+
+def _arriving(finished: Any, client: Any, scheduler: str) -> Iterator[Any]:
+    """Futures as they are done, while there are workers that may do them.
+
+    Raises:
+        OutputError: if there have been none for `PATIENCE`.
+    """
+    seen = time.monotonic()
+    asked, warned = seen, False
+    while not finished.is_empty():
+        ask_for_interrupt()
+        if finished.has_ready():
+            seen, warned = time.monotonic(), False
+            yield next(finished)
+            continue
+        time.sleep(_TICK)
+        now = time.monotonic()
+        if now - asked < _ASKED:
+            continue
+        asked = now
+        with suppress(OSError):  # of a scheduler that is lost the futures tell
+            if client.nthreads():
+                seen, warned = now, False
+        if now - seen > PATIENCE:
+            raise OutputError(
+                f"the scheduler at {scheduler} has had no workers for {PATIENCE:.0f} s; what is "
+                "whole stays: start dask worker, and the same command goes on from there"
+            )
+        if now - seen > _ASKED and not warned:
+            warned = True
+            _log.warning(
+                "the scheduler at %s has no workers: waiting %.0f s for one, start dask worker",
+                scheduler,
+                PATIENCE,
+            )
 
 
 def require_scheduler(scheduler: str) -> None:
@@ -352,12 +399,19 @@ def _knock(distributed: Any, scheduler: str) -> None:
         raise OutputError(f"no Dask scheduler answers at {scheduler}: {why}") from None
 
 
-def _on_worker(function: Callable[[T], R], item: T, tries: int) -> Any:
+def _on_worker(function: Callable[[T], R], item: T, tries: int, wanted: dict[str, str]) -> Any:
+    """What a task returns.
+
+    Raises:
+        OutputError: on a worker of another version, which may have joined since the start.
+    """
+    if (found := software()) != wanted:
+        raise OutputError(_differs(platform.node(), found, wanted))
     return _portable(_tried(function, item, tries))
 
 
-def _require_same(client: Any, scheduler: str) -> None:
-    """Refuse a cluster without workers, or whose workers are of another version than this."""
+def _require_same(client: Any, scheduler: str) -> dict[str, str]:
+    """Refuse a cluster without workers, or of another version than this, which is returned."""
     if not client.nthreads():
         raise OutputError(f"the scheduler at {scheduler} has no workers: start dask worker")
     mine = software()
@@ -365,22 +419,35 @@ def _require_same(client: Any, scheduler: str) -> None:
         if isinstance(found, Exception):
             raise OutputError(f"worker {worker} cannot run terrain-forge: {found}")
         if found != mine:
-            raise OutputError(
-                f"worker {worker} has {_told(found)}, this machine {_told(mine)}: install the same"
-            )
+            raise OutputError(_differs(worker, found, mine))
+    return mine
+
+
+def _differs(worker: str, found: dict[str, str], mine: dict[str, str]) -> str:
+    return f"worker {worker} has {_told(found)}, this machine {_told(mine)}: install the same"
 
 
 def _told(found: dict[str, str]) -> str:
     return ", ".join(f"{name} {version}" for name, version in found.items())
 
 
-def software() -> dict[str, str]:
-    """What makes the bytes of a world, by name."""
-    from importlib.metadata import version
+@cache
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
 
+    found = {}
+    for name in _MAKERS:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
+def software() -> dict[str, str]:
+    """What makes the bytes of a world and its files, by name."""
     from terrain_forge import __version__
 
-    return {"terrain-forge": __version__, **{name: version(name) for name in _MAKERS}}
+    return {"terrain-forge": __version__, **_versions()}
 
 
-_MAKERS = "numpy", "scipy", "numba"
+_MAKERS = "numpy", "scipy", "numba", "rasterio", "pillow", "usd-core"
+"""Packages of which some need not be installed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -14,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import Stopwatch, silent, storing, sync, write_through
+from terrain_forge.base import OutputError, Stopwatch, silent, storing, sync, write_through
 from terrain_forge.making import make_world
 from terrain_forge.model import Tile, Window, World
 from terrain_forge.paths import known_within
@@ -30,6 +31,7 @@ def make_tile(out: str, number: int) -> dict[str, Any]:
 
     Raises:
         StorageError: if the disk does not take it.
+        OutputError: if something else than a tile is at its place.
     """
     begin = time.perf_counter(), time.process_time()
     order = load_order(Path(out))
@@ -49,6 +51,7 @@ def placing(order: TileOrder, number: int) -> Iterator[Path]:
 
     Raises:
         StorageError: if the disk does not take it.
+        OutputError: if something else than a tile is at its place.
     """
     place = order.folder(number)
     # As deep as its place, so that what it refers to in the site's folder is there already.
@@ -70,9 +73,15 @@ def _take_place(fresh: Path, place: Path) -> None:
     """Move a tile to its place, if no other worker has done so meanwhile."""
     try:
         fresh.rename(place)
-    except OSError:
-        if not (place / TILE).is_file():
-            raise
+    except OSError as error:
+        if (place / TILE).is_file():
+            return
+        if error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
+            raise OutputError(
+                f"{place} has no {TILE}, and is in the way of the tile: move it away, and build "
+                "again, which makes it anew"
+            ) from None
+        raise
 
 
 def _write(order: TileOrder, number: int, folder: Path) -> None:

@@ -6,7 +6,8 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -117,3 +118,55 @@ def test_what_is_no_scheduler_is_named(said: bytes | None, why: str) -> None:
             next(run_tasks(str, [1], scheduler=address))
     for one in connections:
         one.close()
+
+
+def slowly(item: int) -> int:
+    """An item, after a while."""
+    time.sleep(0.2)
+    return item
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    distributed: Any = pytest.importorskip("distributed")
+    options = {"n_workers": 1, "threads_per_worker": 1, "memory_limit": 0, "processes": False}
+    with distributed.LocalCluster(**options, dashboard_address=None) as made:
+        yield made
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_of_another_version_that_joins_later_is_refused(
+    cluster: Any, monkeypatch: Any
+) -> None:
+    done = run_tasks(slowly, range(20), scheduler=cluster.scheduler_address)
+    next(done)
+    there = {**tasks.software(), "rasterio": "0.0.1"}
+    monkeypatch.setattr(tasks, "software", lambda: there)
+    with pytest.raises(OutputError, match=r"worker .* rasterio 0\.0\.1.*: install the same"):
+        list(done)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_lost_all_its_workers_is_waited_for_a_while(
+    cluster: Any, monkeypatch: Any, caplog: Any
+) -> None:
+    monkeypatch.setattr(tasks, "PATIENCE", 5.0)
+    done = run_tasks(slowly, range(20), scheduler=cluster.scheduler_address)
+    next(done)
+    cluster.scale(0)
+    with pytest.raises(OutputError, match=r"no workers for 5 s; what is whole stays"):
+        list(done)
+    assert "has no workers: waiting 5 s for one" in caplog.text
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_whose_workers_come_back_goes_on(cluster: Any) -> None:
+    done = run_tasks(slowly, range(12), scheduler=cluster.scheduler_address)
+    found = [next(done)]
+    cluster.scale(0)
+    threading.Timer(3.0, cluster.scale, [1]).start()
+    found += done
+    assert sorted(found) == [(item, item) for item in range(12)]

@@ -299,3 +299,28 @@ def test_workers_are_for_tiles(tmp_path):
     done = command.run("build", path, "-o", tmp_path / "out", "--workers", 2)
     assert done.returncode == 2
     assert "for sites in tiles: add `tiles: {}`" in done.stderr
+
+
+def test_a_tile_without_its_list_is_named_and_left(built, recipe, tmp_path):
+    out = shutil.copytree(built, tmp_path / "six")
+    (out / "tiles/000/001/tile.json").unlink()
+    before = contents(out)
+    with pytest.raises(OutputError, match=r"tiles/000/001 has no tile\.json.*: move it away"):
+        tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
+    assert contents(out) == before
+    (out / "tiles/000/001").rename(tmp_path / "away")
+    assert tf.build(tf.load_recipe(recipe).recipe, out, workers=0).made == 1
+    assert contents(out) == contents(built)
+
+
+def test_a_site_that_was_begun_when_fewer_versions_were_told_goes_on(built, recipe, tmp_path):
+    out = shutil.copytree(built, tmp_path / "six")
+    order = json.loads((out / "site/order.json").read_text())
+    assert {"rasterio", "pillow", "usd-core"} <= {*order["made_by"]}
+    del order["made_by"]["rasterio"]
+    (out / "site/order.json").write_text(json.dumps(order))
+    assert tf.build(tf.load_recipe(recipe).recipe, out, workers=0).made == 0
+    order["made_by"]["pillow"] = "1.0"
+    (out / "site/order.json").write_text(json.dumps(order))
+    with pytest.raises(OutputError, match=r"was begun by .*pillow 1\.0, .*this is "):
+        tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
