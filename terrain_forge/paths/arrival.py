@@ -11,6 +11,8 @@ from terrain_forge.base import Array, Record, stage_key, uniforms
 from terrain_forge.paths.traversability_field import IMPASSABLE, Traversability
 
 _TRIES = 64
+_AT_ONCE = 512
+"""Starts whose goals and lines are in memory at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,17 +49,20 @@ def arrivals(
         return Arrivals(planned=0.0, straight=0.0, passable=0.0)
     if distance is None:
         distance = 0.5 * (min(known.shape) - 1) * field.spacing
-    drawn = uniforms(stage_key(seed, "arrivals"), starts * (1 + _TRIES)).reshape(starts, -1)
-    nodes = np.argwhere(known)
-    begin = nodes[np.minimum((drawn[:, 0] * len(nodes)).astype(np.int64), len(nodes) - 1)]
-    end, found = _goals(passable, begin, drawn[:, 1:], distance / field.spacing)
-    way, _ = label(passable)
-    own, goal = way[begin[:, 0], begin[:, 1]], way[end[:, 0], end[:, 1]]
-    arrives = found & (own > 0) & (own == goal)
-    free = _free_lines(passable, begin, end)
+    every = uniforms(stage_key(seed, "arrivals"), starts * (1 + _TRIES)).reshape(starts, -1)
+    nodes, (way, _) = np.argwhere(known), label(passable)
+    planned = straight = 0
+    for first in range(0, starts, _AT_ONCE):
+        drawn = every[first : first + _AT_ONCE]
+        begin = nodes[np.minimum((drawn[:, 0] * len(nodes)).astype(np.int64), len(nodes) - 1)]
+        end, found = _goals(passable, begin, drawn[:, 1:], distance / field.spacing)
+        own, goal = way[begin[:, 0], begin[:, 1]], way[end[:, 0], end[:, 1]]
+        arrives = found & (own > 0) & (own == goal)
+        planned += int(arrives.sum())
+        straight += int((arrives & _free_lines(passable, begin, end)).sum())
     return Arrivals(
-        planned=float(arrives.mean()),
-        straight=float((arrives & free).mean()),
+        planned=planned / starts,
+        straight=straight / starts,
         passable=float(passable.sum() / known.sum()),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,16 @@ from numba import get_num_threads, set_num_threads
 from terrain_forge.base import RecipeError
 from terrain_forge.making import plan
 from terrain_forge.model import Heightfield, Window, rotations
-from terrain_forge.paths import UNKNOWN, PathSpec, Spline, highest_step, plan_route, traversability
+from terrain_forge.paths import (
+    IMPASSABLE,
+    UNKNOWN,
+    PathSpec,
+    Spline,
+    arrivals,
+    highest_step,
+    plan_route,
+    traversability,
+)
 from terrain_forge.paths.obstacles import find_obstacles, half_diagonal
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe.schema import adapter
@@ -318,3 +328,19 @@ def test_a_corridor_keeps_no_rock_that_the_rover_cannot_pass(rover, clearance):
     spec = PathSpec(name="a", route=Spline(points_m=((0, 0), (5, 0))), speed_m_s=0.2)
     route = plan_route(spec, rover=resolve_rover(rover, Path()).rover, driven=True)
     assert route.corridor_clearance == pytest.approx(clearance)
+
+
+def test_many_starts_are_not_all_in_memory_at_once():
+    flat = rate(ground(lambda x, y: 0.0 * x))
+    barred = np.random.default_rng(1).uniform(size=flat.cost.shape) < 0.02
+    field = flat.replace(cost=np.where(barred, IMPASSABLE, flat.cost).astype(flat.cost.dtype))
+    few = arrivals(field, seed=3, starts=2_000)
+    tracemalloc.start()
+    try:
+        many = arrivals(field, seed=3, starts=40_000)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.0 < few.straight < few.planned <= 1.0
+    assert many.planned == pytest.approx(few.planned, abs=0.05)
+    assert peak < 60e6  # 21 MB of it are the random numbers
