@@ -32,8 +32,10 @@ from terrain_forge.geometry import (
     level_of_detail,
     mean_rock_colour,
     merge_in_parts,
+    rocks_error,
     shifted,
     tile_anchor,
+    untiled_losses,
     vertex_dust,
 )
 from terrain_forge.model import BuiltTile, Mesh, RockField, Tile, TiledSite, TileGrid, World
@@ -72,12 +74,9 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
         else:
             details = [level_of_detail(shape, options.outline_error) for shape in shapes]
             meshes = [coarse_shape(shape, options.outline_error) for shape in shapes]
-        rough = np.array(
-            [shape.outline_errors[n] for shape, n in zip(shapes, details, strict=True)]
-        )
-        off = (rough[rocks.prototype] * rocks.scale)[shown].max(initial=0.0)
-        lost = rocks.height[~shown].max(initial=0.0)
-        errors[names[level.stride]] = level.error + float(max(off, lost))
+        drawn = np.array(details, np.int64)[rocks.prototype]
+        off = rocks_error(rocks, shapes, details=drawn, shown=shown)
+        errors[names[level.stride]] = level.error + off
         path = directory / f"{names[level.stride]}.glb"
         boxes.append(
             _write_level(
@@ -166,7 +165,6 @@ def _box(vertices: NDArray[Any]) -> Box:
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
     """Write tileset.json; returns what is lost."""
-    del options
     by_place = {(tile.row, tile.column): tile for tile in tiled.tiles}
     many = max(tiled.grid.across, tiled.grid.up) > _BLOCK
     root = _node(by_place, tiled.grid, (0, tiled.grid.up), (0, tiled.grid.across), directory, many)
@@ -180,6 +178,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
+        "Soil and rocks have no maps of fine normals, and rocks one colour for each population.",
+        *untiled_losses(close=options.close_within_m > 0.0, pebbles=options.pebbles_min_m > 0.0),
         "The tileset lies in the site's own frame, not on a globe.",
     )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.base import Array, image_rows
@@ -27,8 +28,10 @@ from terrain_forge.geometry import (
     grouped,
     level_of_detail,
     rock_texture,
+    rocks_error,
     shifted,
     tile_anchor,
+    untiled_losses,
 )
 from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
 from terrain_forge.rocks import seen_close
@@ -63,20 +66,25 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
     close = seen_close(tile.world, within=options.close_within_m)
     errors: dict[str, float] = {}
+    farthest = np.array([len(shape.meshes) - 1 for shape in shapes], np.int64)
     strides = {stride: name for name, stride in LEVELS.items()}
     for level in ground_levels(tile, grid, tuple(strides)):
         name = strides[level.stride]
         _write_ground(tile, level, directory / f"ground_{name}.usdc", options=options)
-        errors[name] = level.error
-        if level.stride == 1:
+        rocks, near = local.field, level.stride == 1
+        shown = (rocks.diameter >= smallest_shown(level, tile)) | near
+        drawn = farthest[rocks.prototype]
+        if near:  # the finest of those that have colliders of their own
+            fine = rocks.diameter >= options.collider_min_m
+            drawn = np.where(fine, 0, levels[rocks.prototype])
+        errors[name] = level.error + rocks_error(rocks, shapes, details=drawn, shown=shown)
+        if near:
             write_rocks(
                 local, directory, coarse=coarse, levels=levels, close=close, options=options,
                 name="rocks_full", shared=_SHARED,
             )  # fmt: skip
             continue
-        shown = local.field.diameter >= smallest_shown(level, tile)
-        errors[name] += float(local.field.height[~shown].max(initial=0.0))
-        _write_far_rocks(local, local.field.select(shown), directory, name)
+        _write_far_rocks(local, rocks.select(shown), farthest, directory, name)
     _write_tile(directory / "tile.usda", anchor, list(errors))
     return {"anchor": anchor.tolist(), "errors": errors}
 
@@ -116,11 +124,12 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
     save(stage)
 
 
-def _write_far_rocks(tile: Tile, rocks: RockField, directory: Path, level: str) -> None:
+def _write_far_rocks(
+    tile: Tile, rocks: RockField, far: NDArray[np.int64], directory: Path, level: str
+) -> None:
     """Write the rocks of a level of detail that are seen from afar, which nothing touches."""
     name = f"rocks_{level}"
     stage = new_stage(directory / f"{name}.usdc", name)
-    far = np.array([len(shape.meshes) - 1 for shape in tile.whole.library.prototypes], np.int64)
     friction = world_friction(tile.whole.site.body, Options()).rock
     seed = tile.whole.site.seed
     for population, tint, some in grouped(rocks, rock_tints(rocks.id, seed)):
@@ -185,20 +194,21 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
             prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
             prim.variantSelections["lod"] = [*LEVELS][-1]
     layer.Save()
-    return tuple(_losses(tiled))
+    return tuple(_losses(tiled, options))
 
 
-def _losses(tiled: TiledSite) -> list[str]:
+def _losses(tiled: TiledSite, options: Options) -> list[str]:
     step = tiled.grid.step(tiled.site.spacing)
     worst = {
         name: max(tile.figures["errors"].get(name, 0.0) for tile in tiled.tiles) for name in LEVELS
     }
-    far = ", ".join(f"{name} {worst[name]:.2g} m" for name in list(LEVELS)[1:])
+    far = ", ".join(f"{name} {worst[name]:.2g} m" for name in LEVELS)
     return [
         f"The ground's coordinates are rounded to {1e6 * step:.3g} µm.",
         f"Levels of detail are off by up to: {far}; rocks smaller than half a cell of a level are "
         "not in it, and nothing but its ground can be touched.",
         "world.usda shows all tiles at their coarsest: choose the variant `lod` = `full` of those "
         "that a rover drives on.",
+        *untiled_losses(close=options.close_within_m > 0.0, pebbles=options.pebbles_min_m > 0.0),
         *collision_losses(tiled.shapes),
     ]

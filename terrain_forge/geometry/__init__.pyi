@@ -24,6 +24,7 @@ from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
 from .levels import GroundLevel as GroundLevel
 from .levels import ground_levels as ground_levels
+from .levels import rocks_error as rocks_error
 from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor
 from .lights import LightLevels as LightLevels
@@ -38,6 +39,7 @@ from .losses import rock_look_losses as rock_look_losses
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss
 from .losses import touched_shapes as touched_shapes
+from .losses import untiled_losses as untiled_losses
 from .rock_materials import lie_upright as lie_upright
 from .rock_materials import mean_rock_colour as mean_rock_colour
 from .rock_materials import mean_rock_srgb as mean_rock_srgb

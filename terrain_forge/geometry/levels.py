@@ -8,7 +8,7 @@ tile's are counted from: their sum is the same number from either side.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
-from terrain_forge.model import Tile, TileGrid, World
+from terrain_forge.model import RockField, RockPrototype, Tile, TileGrid, World
 
 _FEWEST = 2
 """Cells of a level each way at least."""
@@ -37,6 +37,28 @@ class GroundLevel:
     """Corners, counter-clockwise from above, shape [faces, 3]."""
     error: float
     """How far it is from the ground at most [m]."""
+
+
+def rocks_error(
+    rocks: RockField,
+    shapes: Sequence[RockPrototype],
+    *,
+    details: NDArray[np.int64],
+    shown: NDArray[np.bool_],
+) -> float:
+    """How far what a level shows of rocks is off at most [m]: outlines, and rocks left out.
+
+    Args:
+        rocks: All rocks, with their shapes.
+        shapes: The library's.
+        details: Level of detail of each rock's shape, shape [rocks].
+        shown: Which of the rocks are shown.
+    """
+    rough = np.zeros((len(shapes), max(len(shape.meshes) for shape in shapes)))
+    for row, shape in zip(rough, shapes, strict=True):
+        row[: len(shape.meshes)] = shape.outline_errors
+    off = (rough[rocks.prototype, details] * rocks.scale)[shown].max(initial=0.0)
+    return float(max(off, rocks.height[~shown].max(initial=0.0)))
 
 
 def tile_anchor(tile: Tile, grid: TileGrid) -> Array:

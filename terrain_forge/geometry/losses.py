@@ -21,6 +21,16 @@ from terrain_forge.model import (
 PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
 
 
+def untiled_losses(*, close: bool, pebbles: bool) -> list[str]:
+    """What a site in tiles leaves out of what is asked for near paths, of which no tile knows."""
+    asked = {"close_within_m": close, "pebbles_min_m": pebbles}
+    return [
+        f"{name} has no effect: tiles are made before the paths, and know of none."
+        for name, wanted in asked.items()
+        if wanted
+    ]
+
+
 def detail_loss(detail: GroundDetail) -> str:
     """What a format leaves out of the detail tile that takes its normals alone."""
     return (

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import terrain_forge as tf
+from terrain_forge.geometry import untiled_losses
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
@@ -246,3 +247,24 @@ def test_rocks_as_geoparquet(whole, tmp_path):
     order, kind, x, y = struct.unpack("<BIdd", table["geometry"][7].as_py())
     assert (order, kind) == (1, 1)
     assert [x, y] == whole.field.position[7, :2].tolist()
+
+
+def test_levels_of_both_formats_are_as_much_off_as_their_rocks_are(built):
+    """Those from afar show the same ground and the same rocks, by the same meshes."""
+    for path in sorted(built.glob("tiles/*/*/tile.json")):
+        figures = json.loads(path.read_text())["figures"]
+        usd, glb = (figures[kind]["errors"] for kind in ("usd", "glb"))
+        assert usd["quarter"] == glb["quarter"]
+        assert usd["full"] > 0.0
+
+
+def test_losses_of_tiles_tell_what_they_leave_out(built):
+    exports = json.loads((built / "manifest.json").read_text())["exports"]
+    assert any("no maps of fine normals" in line for line in exports["glb"]["losses"])
+    assert not any("close_within_m" in line for line in exports["usd"]["losses"])
+
+
+def test_what_tiles_do_not_draw_near_paths_is_told():
+    told = untiled_losses(close=True, pebbles=True)
+    assert [line.partition(" ")[0] for line in told] == ["close_within_m", "pebbles_min_m"]
+    assert untiled_losses(close=False, pebbles=False) == []
