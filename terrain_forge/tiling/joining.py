@@ -11,11 +11,13 @@ from typing import Any
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
 from terrain_forge.building import foreign_files, lists_outputs
+from terrain_forge.dtm import open_dataset
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.making import digest_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
-from terrain_forge.truth import write_merged
+from terrain_forge.truth import MATERIALS, merge_materials, write_merged
+from terrain_forge.writers import write_vrt
 
 MANIFEST = "manifest.json"
 FORMAT = "tiles 1"
@@ -73,6 +75,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     out, site = order.out, order.site
     watch("verification")
     verification = write_merged(site, (one["counts"] for _, one in _each(order)), out / "truth")
+    _join_truth(order)
     exports: dict[str, Any] = {}
     world = sample_world(order)
     beyond = () if site.recipe.horizon.reach_m == 0.0 else (_NO_HORIZON,)
@@ -103,6 +106,20 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         "outputs": {name: sha256(out / name) for name in _outputs(order, exports)},
     }  # fmt: skip
     return {"manifest": manifest, "verification": verification}
+
+
+def _join_truth(order: TileOrder) -> None:
+    """Write a VRT over each of the tiles' truth rasters, and the shares of all materials."""
+    tiles = [(order.grid.window(n), order.grid.folder(n)) for n in range(len(order.grid))]
+    truth = order.out / "truth"
+    for one in sorted((order.folder(0) / "truth").glob("*.tif")):
+        parts = [(window, f"../{folder}/truth/{one.name}") for window, folder in tiles]
+        with open_dataset(one) as raster:
+            path = truth / f"{one.stem}.vrt"
+            write_vrt(path, parts, order.site, order.grid, like=raster)
+    if (order.folder(0) / "truth" / MATERIALS).is_file():
+        tables = [(truth / f"../{folder}/truth" / MATERIALS, window) for window, folder in tiles]
+        merge_materials(tables, order.grid, truth / MATERIALS)
 
 
 def _outputs(order: TileOrder, exports: Iterable[str]) -> list[str]:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.model import World
+from terrain_forge.model import TileGrid, Window, World
 from terrain_forge.writers import write_geotiff
+
+MATERIALS = "materials.csv"
+"""The table of the ground's materials."""
+_SHARE = "share"
 
 
 def write_materials(
@@ -33,7 +38,7 @@ def write_materials(
     looks = world.appearance
     if looks.material is None:
         return []
-    raster, table, classes = folder / "material.tif", folder / "materials.csv", looks.material[part]
+    raster, table, classes = folder / "material.tif", folder / MATERIALS, looks.material[part]
     write_geotiff(
         raster,
         classes,
@@ -52,3 +57,23 @@ def write_materials(
             share = f"{count[n] / classes.size:.6f}"
             rows.writerow([n, one.name, one.kind, f"{one.friction:g}", share])
     return [raster, table]
+
+
+def merge_materials(tables: Iterable[tuple[Path, Window]], grid: TileGrid, path: Path) -> None:
+    """Write the table of a site's materials from those of its tiles, with the cells of each."""
+    rows: list[dict[str, str]] = []
+    shares, whole = np.zeros(0), 0
+    for table, window in tables:
+        with table.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        nodes = (window.rows + (window.row + window.rows == grid.rows)) * (
+            window.columns + (window.column + window.columns == grid.columns)
+        )
+        own = nodes * np.array([float(row[_SHARE]) for row in rows])
+        shares, whole = own if whole == 0 else shares + own, whole + nodes
+    for row, share in zip(rows, shares, strict=True):
+        row[_SHARE] = f"{share / whole:.6f}"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

@@ -30,6 +30,7 @@ from .naming import rock_name as rock_name
 from .table import Column as Column
 from .table import quoted as quoted
 from .table import write_table as write_table
+from .vrt import write_vrt as write_vrt
 from .xml import Lines as Lines
 from .xml import Value as Value
 from .xml import element as element

@@ -324,3 +324,26 @@ def test_a_site_that_was_begun_when_fewer_versions_were_told_goes_on(built, reci
     (out / "site/order.json").write_text(json.dumps(order))
     with pytest.raises(OutputError, match=r"was begun by .*pillow 1\.0, .*this is "):
         tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
+
+
+def test_truth_of_all_tiles_is_one_raster_each(built, whole):
+    names = {path.stem for path in (built / "truth").glob("*.vrt")}
+    assert {"surface_with_rocks", "rock_id", "material"} <= names
+    assert names == {path.stem for path in (built / "tiles/000/000/truth").glob("*.tif")}
+    top, ids = rock_rasters(whole)
+    wanted = {"surface_with_rocks": top, "rock_id": ids, "material": whole.appearance.material}
+    for name in sorted(names):
+        with (
+            rasterio.open(built / f"truth/{name}.vrt") as raster,
+            rasterio.open(built / f"tiles/001/002/truth/{name}.tif") as tile,
+        ):
+            for told in ("descriptions", "units", "nodata", "colorinterp", "dtypes", "crs"):
+                assert getattr(raster, told) == getattr(tile, told), (name, told)
+            if name == "material":
+                assert raster.colormap(1)[1] == tile.colormap(1)[1]
+            if name in wanted:
+                assert np.array_equal(raster.read(1)[::-1], wanted[name])
+    table = csv.DictReader((built / "truth/materials.csv").read_text().splitlines())
+    shares = {row["name"]: float(row["share"]) for row in table}
+    assert shares["sand"] == pytest.approx((wanted["material"] == 1).mean(), abs=2e-6)
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-5)
