@@ -226,9 +226,12 @@ def _read_anew(spec: Any) -> Any:
             adapter = adapter_of(kind)
             # What is wrong is told by reading it back, not by warnings of the writer.
             plain = adapter.dump_python(spec, mode="json", warnings=False, fallback=_plain)
-            return adapter.validate_json(json.dumps(plain), strict=True)
+            text = json.dumps(plain, ensure_ascii=False).encode()
+            return adapter.validate_json(text, strict=True)
     except PydanticUserError:  # of a class within a function, whose names only that knows
         return spec
+    except UnicodeEncodeError as error:
+        raise RecipeError(f"{type(spec).__name__}: a text of it is no Unicode: {error}") from None
     except ValidationError as error:
         told = complaint(error, adapter, plain)
         raise RecipeError(f"{type(spec).__name__}: {told}", key=told.key) from None
