@@ -55,5 +55,5 @@ def test_the_folder_that_one_is_in_is_not_replaced(tmp_path, monkeypatch, below)
 def test_a_manifest_that_cannot_be_read_is_no_fault_of_the_disk_that_is_written(folder):
     (folder / "manifest.json").unlink()
     (folder / "manifest.json").symlink_to("/proc/self/mem")
-    with pytest.raises(OutputError, match="manifest.json is damaged: not JSON"):
+    with pytest.raises(OutputError, match=r"manifest\.json is damaged: not JSON"):
         read_manifest(folder)
