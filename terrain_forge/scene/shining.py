@@ -76,23 +76,26 @@ _TREAD, _TREAD_PHASE, _FULL_TURN = np.float32(0.09), np.float32(0.25), np.float3
 
 @merged
 def _imprint(space, lane, stage, wheels, behind):  # type: ignore[no-untyped-def]
-    """Depth (0 to 1) and rise per metre along x and y of the wheel tracks under a lane."""
+    """Depth (0 to 1) and rise per metre along x and y of the wheel tracks under a lane.
+
+    Of several passes the one that pressed deepest shows, of equal ones the last.
+    """
     x, y = space[HIT_X + lane], space[HIT_Y + lane]
     rows, columns = stage.nodes.shape[:2]
     i = np.int64(np.floor((x - stage.corner_x) / stage.spacing + _HALF))
     j = np.int64(np.floor((y - stage.corner_y) / stage.spacing + _HALF))
     i, j = min(max(i, np.int64(0)), columns - 1), min(max(j, np.int64(0)), rows - 1)
-    for one in (1, 0):
-        at = wheels.nearest[j, i, one]
-        if at < 0:
-            return _0, _0, _0
-        point = wheels.points[at]
+    depth, rise_x, rise_y, one = _0, _0, _0, wheels.newest[j, i]
+    while one >= 0:
+        point, one = wheels.points[wheels.passes[one, 0]], wheels.passes[one, 1]
         cos, sin, off_x, off_y = point[2], point[3], x - point[0], y - point[1]
         along = point[4] + off_x * cos + off_y * sin
         if _0 < along <= behind:  # behind its begin the wheels have not been
             sideways = off_y * cos - off_x * sin
-            return _pressed(space, lane, wheels, sideways, along, cos, sin)
-    return _0, _0, _0
+            found = _pressed(space, lane, wheels, sideways, along, cos, sin)
+            if found[0] > depth or (depth == _0 and rise_x == _0 and rise_y == _0):
+                depth, rise_x, rise_y = found
+    return depth, rise_x, rise_y
 
 
 _FRAY, _SHALLOW, _USUAL, _GAPS, _SOFT = (np.float32(n) for n in (0.8, 0.3, 0.75, 2.5, 0.3))

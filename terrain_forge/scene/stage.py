@@ -25,8 +25,8 @@ CENTRE, TURN, SIZE, SCALE, ROCK_RGB = 0, 3, 12, 13, 14
 its size in units of its shape [m], and from here on its albedo."""
 SUN, AMBIENT, BOUNCE, EVEN = range(4)
 """Rows of the light's colours, as in `Light`."""
-_MEET_AGAIN = 1.0
-"""How much farther along its path a rover is that comes to a place anew [m]."""
+_ROOM = 4096
+"""Passes that there is room for at first."""
 
 
 class Stage(NamedTuple):
@@ -97,9 +97,11 @@ class Stage(NamedTuple):
 class Wheels(NamedTuple):
     """The tracks of a drive."""
 
-    nearest: NDArray[np.int32]
-    """Nearest point of the path to each node, on the first pass and of all, -1 where none is near,
-    shape [rows, columns, 2]."""
+    newest: NDArray[np.int32]
+    """Last pass by each node, a row of `passes`; -1 where none is near, shape [rows, columns]."""
+    passes: NDArray[np.int32]
+    """Nearest point of the path of each pass by a node, and the pass before by the same node or -1,
+    shape [passes, 2]."""
     points: NDArray[np.float32]
     """East, north (scene's frame), cosine, sine of the heading, distance, shape [points, 5]."""
     half_gauge: np.float32
@@ -187,12 +189,13 @@ def prepare_wheels(scene: RayScene, plan: Array) -> Wheels:
     """The tracks of a rover whose path is given by its places [m], shape [places, 2]."""
     subject, ground = scene.subject, scene.subject.ground
     points = resampled(plan - scene.origin[:2])
-    nearest = np.full((*ground.shape, 2), -1, np.int32)
+    newest = np.full(ground.shape, -1, np.int32)
     corner = np.array(ground.origin) - scene.origin[:2]
     reach = subject.half_gauge + subject.wheel_width + ground.spacing
-    _stamp_passes(points, corner, ground.spacing, reach, nearest)
+    passes = _stamp_passes(points, corner, ground.spacing, reach, newest)
     return Wheels(
-        nearest=nearest,
+        newest=newest,
+        passes=passes,
         points=points.astype(np.float32),
         half_gauge=np.float32(subject.half_gauge),
         width=np.float32(subject.wheel_width),
@@ -229,13 +232,15 @@ def triple32(vector: Any) -> tuple[np.float32, np.float32, np.float32]:
 
 
 @kernel
-def _stamp_passes(points, corner, spacing, reach, nearest):  # type: ignore[no-untyped-def]
-    """Note at each node within `reach` of a path its nearest point, on the first pass and of all.
+def _stamp_passes(points, corner, spacing, reach, newest):  # type: ignore[no-untyped-def]
+    """Note at each node within `reach` of a path all passes by it; returns the passes.
 
-    A rover that crosses its path sees its first track until it has made the second.
+    A rover that crosses its path, or comes back beside it, leaves the wheel tracks of each pass.
+    One ends where the node is left, or the rover has turned back.
     """
-    rows, columns = nearest.shape[:2]
-    best = np.full((rows, columns, 2), np.inf)
+    rows, columns = newest.shape
+    best, last = np.empty((rows, columns)), np.full((rows, columns), -2)
+    passes, count = np.empty((_ROOM, 2), np.int32), 0
     for n in range(len(points)):
         west = max(0, int(np.ceil((points[n, 0] - reach - corner[0]) / spacing)))
         east = min(columns - 1, int(np.floor((points[n, 0] + reach - corner[0]) / spacing)))
@@ -245,9 +250,20 @@ def _stamp_passes(points, corner, spacing, reach, nearest):  # type: ignore[no-u
             for i in range(west, east + 1):
                 away = (corner[0] + i * spacing - points[n, 0]) ** 2
                 away += (corner[1] + j * spacing - points[n, 1]) ** 2
-                first = nearest[j, i, 0]
-                again = first >= 0 and points[n, 4] - points[first, 4] > _MEET_AGAIN + 2.0 * reach
-                if away < best[j, i, 0] and not again:
-                    best[j, i, 0], nearest[j, i, 0] = away, n
-                if away < best[j, i, 1]:
-                    best[j, i, 1], nearest[j, i, 1] = away, n
+                anew = last[j, i] < n - 1
+                if not anew:
+                    at = passes[newest[j, i], 0]
+                    ahead = points[n, 2] * points[at, 2] + points[n, 3] * points[at, 3]
+                    anew = ahead < 0.0
+                if anew:
+                    if count == len(passes):
+                        grown = np.empty((2 * count, 2), np.int32)
+                        grown[:count] = passes
+                        passes = grown
+                    passes[count, 0], passes[count, 1] = n, newest[j, i]
+                    newest[j, i], best[j, i] = count, away
+                    count += 1
+                elif away < best[j, i]:
+                    best[j, i], passes[newest[j, i], 0] = away, n
+                last[j, i] = n
+    return passes[:count].copy()

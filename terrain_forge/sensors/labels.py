@@ -48,7 +48,8 @@ class Labels:
         """
         classes = np.empty(len(seen), dtype=np.uint8)
         wheels = self._wheels
-        tracks = wheels.nearest, wheels.points, float(wheels.half_gauge), 0.5 * float(wheels.width)
+        strip = float(wheels.half_gauge), 0.5 * float(wheels.width)
+        tracks = wheels.newest, wheels.passes, wheels.points, *strip
         _classify(points, seen, self.kinds, *self._frame, tracks, behind, classes)
         return classes
 
@@ -107,7 +108,7 @@ def _classify(  # type: ignore[no-untyped-def]
     points, seen, kinds, origin, corner, spacing, tracks, behind, classes
 ):
     rows, columns = kinds.shape
-    nearest, path, half_gauge, half_width = tracks
+    newest, passes, path, half_gauge, half_width = tracks
     for n in range(len(seen)):
         if seen[n] != GROUND:
             far = SKY if seen[n] == MISSED else BEYOND if seen[n] == OUTSIDE else ROVER
@@ -117,13 +118,12 @@ def _classify(  # type: ignore[no-untyped-def]
         i = min(max(int(np.floor((x - corner[0]) / spacing + 0.5)), 0), columns - 1)
         j = min(max(int(np.floor((y - corner[1]) / spacing + 0.5)), 0), rows - 1)
         classes[n] = kinds[j, i]
-        for one in (1, 0):  # the newest tracks that are there already
-            at = nearest[j, i, one]
-            if at < 0:
-                break
+        one = newest[j, i]
+        while one >= 0:  # any pass that was there already
+            at, one = passes[one, 0], passes[one, 1]
             east, north = x - path[at, 0], y - path[at, 1]
             if 0.0 < path[at, 4] + east * path[at, 2] + north * path[at, 3] <= behind:
                 aside = abs(north * path[at, 2] - east * path[at, 3])
                 if abs(aside - half_gauge) <= half_width:
                     classes[n] = TRACK
-                break
+                    break
