@@ -80,11 +80,12 @@ class LidarMotion:
             ExportError: if it sits on a link whose motion was not recorded.
         """
         self._lidar, (self._carrier, self._pose) = lidar, recording.carrier(lidar)
-        self._length = round(1e9 / lidar.rate)
+        self.length = 0 if lidar.about.get("snapshot") else round(1e9 / lidar.rate)
+        """How long a sweep lasts [ns]; a snapshot is all at its begin."""
 
     def covers(self, begin: int) -> bool:
         """Whether the truth is known during a sweep."""
-        return self._carrier.covers(begin, begin + self._length)
+        return self._carrier.covers(begin, begin + self.length)
 
     def at(self, stamps: Stamps) -> Poses:
         """Poses of the lidar in the world."""

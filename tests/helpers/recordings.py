@@ -91,6 +91,7 @@ def write_recording(
     preset="vlp-16",
     extras=False,
     rocking=(),
+    snapshot=False,
     **changes,
 ) -> Path:
     """Write the recording; `changes` are of the cameras' sensor.yaml.
@@ -123,9 +124,9 @@ def write_recording(
         times = np.arange(0.0, seconds - 0.15, 0.1)
         stamps["lidar0"] = [_stamp(t) for t in times]
         for time in times:
-            _sweep(mav / "lidar0" / "data", time, lambda time: carrier("lidar0", time))
+            _sweep(mav / "lidar0" / "data", time, lambda t: carrier("lidar0", t), snapshot)
         about = {"sensor_type": "lidar", "rate_hz": 10.0, "rings": 4, "column_period_s": 0.1 / 90}
-        about |= {"range_min_m": 0.5, "range_max_m": 100.0}
+        about |= {"range_min_m": 0.5, "range_max_m": 100.0, "snapshot": snapshot}
         _sensor(mav / "lidar0", about, LIDAR, [(s, f"{s}.npy") for s in stamps["lidar0"]])
         codes = {"instance": {"rock": "its id", "ground": -1, "beyond the site": -3, "rover": -4}}
         streams.append({"folder": "mav0/lidar0", "name": "lidar", "kind": "lidar"})
@@ -196,11 +197,11 @@ def _picture(folder: Path, time: float, pose: np.ndarray) -> None:
         Image.fromarray(image).save(folder / name / f"{_stamp(time)}.png")
 
 
-def _sweep(folder: Path, begin: float, carrier) -> None:
-    """Four rings of 90 columns, clockwise, each column at its own time and pose."""
+def _sweep(folder: Path, begin: float, carrier, snapshot=False) -> None:
+    """Four rings of 90 columns, clockwise, each column at its own time and pose, or all at once."""
     points = []
     for column in range(90):
-        time = np.float32(column / 90 * 0.1)
+        time = np.float32(0.0 if snapshot else column / 90 * 0.1)
         azimuth = -2 * math.pi * column / 90
         for ring, elevation in enumerate(np.radians([-25.0, -18.0, -11.0, 5.0])):
             level = math.cos(elevation)

@@ -162,7 +162,6 @@ def _write_scans(
     """
     folder.mkdir()
     begins = lidar.stamps
-    length = round(1e9 / lidar.rate)
     whole = [n for n, t in enumerate(begins.tolist()) if motion.covers(t)]
     missing = 0
     for number, stamp in enumerate(poses.stamps.tolist()):
@@ -171,7 +170,7 @@ def _write_scans(
             missing += 1
             path.write_bytes(b"")
             continue
-        nearest = whole[int(np.argmin(np.abs(begins[whole] + length // 2 - stamp)))]
+        nearest = whole[int(np.argmin(np.abs(begins[whole] + motion.length // 2 - stamp)))]
         points = lidar.sweep(nearest)
         seen = motion.seen_from(points, int(begins[nearest]), poses.matrices[number])
         rows = np.hstack([seen, points["intensity"][:, None].astype(np.float64) / 100.0])

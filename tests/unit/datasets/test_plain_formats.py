@@ -19,6 +19,7 @@ from terrain_forge.datasets import (
     pair_of,
     write_dataset,
 )
+from terrain_forge.datasets.clouds import LidarMotion
 from terrain_forge.datasets.point_files import PointFile, points_of
 from terrain_forge.writers import write_png
 from tests.helpers.recordings import (
@@ -111,6 +112,22 @@ def test_kitti(recording, tmp_path):
         seen = first @ pose @ np.vstack([matrices["Tr"], [0, 0, 0, 1]])
         assert np.abs(lifted(scan[~own, :3].astype(float), seen)[:, 2]).max() < ON_PLANE
         assert 0.09 < scan[:, 3].min() <= scan[:, 3].max() < 0.14
+
+
+def test_a_snapshot_lidar_scans_at_a_sweep_s_begin(tmp_path):
+    """A sweep at a picture's own time is that picture's scan, and the truth needs reach no more."""
+    recording = open_recording(write_recording(tmp_path / "recording", snapshot=True))
+    write_dataset(recording, "kitti", tmp_path / "out")
+    (lidar,), camera = recording.lidars, recording.cameras[0]
+    for number, stamp in enumerate(camera.stamps.tolist()):
+        path = tmp_path / "out" / "sequences" / "00" / "velodyne" / f"{number:06d}.bin"
+        scan = np.fromfile(path, "<f4").reshape(-1, 4)
+        sweep = lidar.sweep(lidar.stamps.tolist().index(stamp))
+        own = np.stack([sweep[name] for name in "xyz"], axis=-1)
+        np.testing.assert_allclose(scan[:, :3], own, atol=1e-5)
+    motion, end = LidarMotion(recording, lidar), recording.body_poses.stamps[-1]
+    assert motion.covers(int(end))
+    assert not motion.covers(int(end) + 1)
 
 
 @pytest.mark.parametrize("factor", [5000, 1000])
