@@ -14,7 +14,7 @@ import numpy as np
 from terrain_forge.base import Array, Mask, kernel, over_chunks, portable
 from terrain_forge.model import LensFlare, mix, uniform
 from terrain_forge.sensors.exposure import Picture
-from terrain_forge.sensors.lens import Lens, project, rays_of
+from terrain_forge.sensors.lens import FISHEYE, Lens, project, rays_of
 from terrain_forge.sensors.scenery import Scenery
 
 _LOOKS = 32
@@ -75,13 +75,13 @@ def add_sun(
         flare: What the lens does; None for the disc alone.
         key: What the shapes of this camera's ghosts hang on.
     """
-    axial = float(sun.towards[2])
-    if sun.part <= 0.0 or axial <= 0.0:
+    open_ = aperture_seen(lens, sun.towards)
+    if sun.part <= 0.0 or open_ <= 0.0:
         return
     pixels, seen = project(lens, sun.towards[None])
     near = _within(lens, pixels[0]) if seen[0] else 0.0
-    towards = float(sun.towards[0]), float(sun.towards[1]), axial
-    light, star, spikes = sun.irradiance * sun.part * axial, 0.0, np.zeros((0, 2))
+    towards = float(sun.towards[0]), float(sun.towards[1]), float(sun.towards[2])
+    light, star, spikes = sun.irradiance * sun.part * open_, 0.0, np.zeros((0, 2))
     twist = 2.0 * math.pi * float(uniform(mix(key, 0)))
     if flare is not None:
         veil = light * flare.veil / _SPREAD
@@ -109,6 +109,12 @@ def add_sun(
         spots = _ghosts(lens, flare, pixels[0], key)
         spots[:, 3:6] *= light * near
         _reflect(radiance, spots, flare.blades, twist)
+
+
+def aperture_seen(lens: Lens, towards: Array) -> float:
+    """Part of a lens's front that a direction sees: of a plane, or of a fisheye's half sphere."""
+    axial = float(towards[2])
+    return 0.5 * (1.0 + axial) if lens.kind == FISHEYE else max(axial, 0.0)
 
 
 def _within(lens: Lens, place: Array) -> float:

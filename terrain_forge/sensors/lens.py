@@ -18,7 +18,9 @@ OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from the optical frame to the camera's own, x forward, y left, z up."""
 OPTICAL.setflags(write=False)
 
-_PLAIN, _RADTAN, _FISHEYE = 0, 1, 2
+FISHEYE = 2
+"""The kind of a lens with `equidistant` distortion."""
+_PLAIN, _RADTAN = 0, 1
 _TURNS = 60
 _TINY = 1e-15
 
@@ -47,7 +49,7 @@ def lens_of(sensor: CameraSensor, *, rectified: bool) -> Lens:
     bent = None if rectified else sensor.distortion
     kind = _PLAIN
     if bent is not None:
-        kind = _FISHEYE if isinstance(bent, Equidistant) else _RADTAN
+        kind = FISHEYE if isinstance(bent, Equidistant) else _RADTAN
     a, b, c, d, e = map(float, (*(bent.k if bent else ()), *(0.0,) * 5)[:5])
     return Lens(
         width=sensor.width_px,
@@ -186,7 +188,7 @@ def _unbend(lens, u, v):  # type: ignore[no-untyped-def]
 @inner
 def _ray(lens, column, row):  # type: ignore[no-untyped-def]
     u, v = (column - lens.centre[0]) / lens.focal[0], (row - lens.centre[1]) / lens.focal[1]
-    if lens.kind == _FISHEYE:
+    if lens.kind == FISHEYE:
         wanted = np.sqrt(u * u + v * v)
         if wanted == 0.0:
             return 0.0, 0.0, 1.0
@@ -217,7 +219,7 @@ def _unproject(lens, pixels, rays):  # type: ignore[no-untyped-def]
 def shown(lens, x, y, z):  # type: ignore[no-untyped-def]
     """Column and row of a point in the optical frame, and whether the lens shows it."""
     across = np.sqrt(x * x + y * y)
-    if lens.kind == _FISHEYE:
+    if lens.kind == FISHEYE:
         angle = np.arctan2(across, z)
         scale = _radius(lens, angle)[0] / across if across > 0.0 else 0.0
         u, v, seen = scale * x, scale * y, angle <= lens.fold

@@ -13,7 +13,7 @@ from terrain_forge.model import CameraSensor, mix
 from terrain_forge.scene import MISSED
 from terrain_forge.sensors import channels
 from terrain_forge.sensors.exposure import Chip, Image, Picture, Shutter
-from terrain_forge.sensors.flare import SunSeen, add_sun, visible_part
+from terrain_forge.sensors.flare import SunSeen, add_sun, aperture_seen, visible_part
 from terrain_forge.sensors.instrument import NANOSECONDS, Frames, Setting, Stream
 from terrain_forge.sensors.labels import Labels, labels_of
 from terrain_forge.sensors.lens import OPTICAL, Lens, calibration_of, lens_of, rays_of, unproject
@@ -227,7 +227,7 @@ class CameraFrames(Frames):
         world, eye = self.setting.world, self.eye(time)
         light, (position, rotation) = world.lighting, eye.middle
         towards = portable.product(light.towards_sun, rotation)
-        if light.towards_sun[2] <= 0.0 or towards[2] <= 0.0:
+        if light.towards_sun[2] <= 0.0 or aperture_seen(self.lens(style), towards) == 0.0:
             return exposure.radiance
         radius = 0.5 * world.sun_diameter
         part = visible_part(

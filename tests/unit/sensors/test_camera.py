@@ -369,6 +369,49 @@ def test_the_veil_has_its_part_of_the_light_and_a_hidden_sun_has_none():
         assert not _lit(towards, part=part)[1].any()
 
 
+def test_a_fisheye_sees_the_sun_beside_and_behind_itself():
+    """Its picture of 220° shows the disc 100° off the axis; what is behind the lens gives none."""
+    sensor = CameraSensor(
+        name="eye", width_px=400, height_px=400, horizontal_fov_deg=220.0, distortion=Equidistant()
+    )
+    lens, lit = lens_of(sensor, rectified=False), {}
+    sky = np.ones((400, 400), np.bool_)
+    for degrees in (60, 89, 91, 100, 180):
+        angle, light = np.radians(degrees), np.zeros((400, 400, 1), np.float32)
+        towards = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        add_sun(light, sky, lens, SunSeen(towards, 0.01, 500.0, 1.0), _FLARE, np.uint64(3))
+        lit[degrees] = light[:, :, 0]
+        if degrees < 110:
+            row, column = np.unravel_index(light.argmax(), (400, 400))
+            assert np.hypot(row - 199.5, column - 199.5 - angle * lens.focal[0]) < 2.5
+            assert light.max() == pytest.approx(500.0 / (np.pi * 0.01**2), rel=0.05)
+    veil = [lit[degrees][:, :100].mean() for degrees in (89, 91)]
+    assert 0.9 * veil[0] < veil[1] < veil[0]
+    assert not lit[180].any()
+
+
+def test_a_picture_has_the_sun_beside_a_fisheye(setting):
+    """It looks away from the Sun, which is 100° off its axis."""
+    sun = np.asarray(setting.world.lighting.towards_sun)
+    frame = setting.motion.base.at(np.array([_NUMBER / 15.0])).rotation[0]
+    east, north, up = frame.T @ sun
+    yaw = np.degrees(np.arctan2(-north, -east))
+    pitch = 80.0 - np.degrees(np.arctan2(up, np.hypot(east, north)))
+    sensor = CameraSensor(
+        name="eye", width_px=96, height_px=96, horizontal_fov_deg=230.0, flare=None,
+        distortion=Equidistant(), position_m=(0.3, 0.0, 2.5), rpy_deg=(0.0, -pitch, yaw),
+        exposure=FixedExposure(time_s=1e-7), psf_px=0.0,
+    )  # fmt: skip
+    camera = CameraFrames(sensor, setting)
+    _, rotation = camera.eye(_NUMBER / 15.0).middle
+    towards = sun @ rotation
+    assert np.degrees(np.arccos(towards[2])) == pytest.approx(100.0, abs=0.5)
+    picture, ((place,), _) = camera.picture(_NUMBER), project(camera.lens("raw"), towards[None])
+    row, column = np.unravel_index(picture.argmax(), picture.shape)
+    assert picture.max() > 20 * np.median(picture)
+    assert [column, row] == pytest.approx(place, abs=1.0)
+
+
 def test_ghosts_lie_on_the_line_through_sun_and_middle_each_camera_its_own():
     only = LensFlare(veil=0.0, star=0.0)
     lens, light = _lit((0.3, -0.2, 1.0), flare=only)
