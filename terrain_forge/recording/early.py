@@ -15,7 +15,7 @@ from terrain_forge.recording.formats import formats_of
 from terrain_forge.recording.rig import folder_names
 from terrain_forge.recording.setting import as_recorded, named_path
 from terrain_forge.rovers import MoreSensors
-from terrain_forge.sensors import instrument_kinds, require_free
+from terrain_forge.sensors import Series, instrument_kinds, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
@@ -47,7 +47,8 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
         for sensor in as_recorded(rover.sensors, spec):
             place = places.get(sensor.name)
             with _at((*place, "rate_hz") if place else ("dataset", "motion")):
-                if kind := instrument_kinds().get(sensor.kind):
+                kind = instrument_kinds().get(sensor.kind)
+                if kind is not None and issubclass(kind, Series):
                     kind.require_logged(sensor, STEP)
 
 

@@ -17,7 +17,7 @@ from terrain_forge.recording.index import file_name, recorded_spans
 from terrain_forge.recording.order import Order, Spans, joined, within
 from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames, Setting, check_mounts, instruments_of
+from terrain_forge.sensors import Frames, Series, Setting, check_mounts, instruments_of
 
 _AHEAD = 2
 """Measurements that wait to be written, for each that is made."""
@@ -81,6 +81,8 @@ def work_of(setting: Setting, store: Store, *, spec: DatasetSpec, order: Order, 
     chosen = order.chosen(rig, setting.world.rover.sensors)
     check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
     for one in chosen:
+        if isinstance(one.instrument, Series) and setting.motion.source == "drive":
+            one.instrument.require_logged(one.sensor, setting.motion.base.step)
         one.instrument.check()
     order.require_some(chosen, setting.motion)
     spans = {} if anew else recorded_spans(store)

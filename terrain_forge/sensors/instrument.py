@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    RecipeError,
     mix,
     normals,
     parts,
@@ -133,14 +134,6 @@ class Instrument:
         """What a reader must know of the sensor, as plain data in SI units."""
         raise NotImplementedError
 
-    @classmethod
-    def require_logged(cls, sensor: Sensor, step: float) -> None:
-        """Refuse a sensor that measures more often than a drive is logged, each step [s].
-
-        Raises:
-            RecipeError: says how often that is.
-        """
-
     def check(self) -> None:
         """Refuse what cannot be measured, before anything is.
 
@@ -171,7 +164,21 @@ class Frames(Instrument):
 
 
 class Series(Instrument):
-    """An instrument whose measurements are the rows of one table."""
+    """An instrument whose measurements are the rows of one table: samples of the motion."""
+
+    @classmethod
+    def require_logged(cls, sensor: Sensor, step: float) -> None:
+        """Refuse a sensor that measures more often than a drive is logged, each step [s].
+
+        Raises:
+            RecipeError: says how often that is.
+        """
+        if sensor.rate_hz * step > 1.0 + 1e-9:
+            raise RecipeError(
+                f"{sensor.name!r}: rate_hz {sensor.rate_hz:g} is more than a drive is logged at, "
+                f"{1.0 / step:g} Hz",
+                key=("sensors",),
+            )
 
     @abstractmethod
     def samples(self) -> dict[str, Array]:

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, RecipeError, kernel, mix, normal
-from terrain_forge.model import ImuSensor, Sensor
+from terrain_forge.base import Array, kernel, mix, normal
+from terrain_forge.model import ImuSensor
 from terrain_forge.sensors.instrument import NANOSECONDS, Series, Setting, Stream
 
 _AT_ONCE = 20_000
@@ -59,30 +59,6 @@ class Imu(Series):
             "true_bias_at_start": self._start.tolist(),
             "true_response": self._response.ravel().tolist(),
         }
-
-    @classmethod
-    def require_logged(cls, sensor: Sensor, step: float) -> None:
-        """Refuse more samples than the drive has.
-
-        Raises:
-            RecipeError: says how many that are.
-        """
-        if sensor.rate_hz * step > 1.0 + 1e-9:
-            raise RecipeError(
-                f"{sensor.name!r}: rate_hz {sensor.rate_hz:g} is more than a drive is logged at, "
-                f"{1.0 / step:g} Hz",
-                key=("sensors",),
-            )
-
-    def check(self) -> None:
-        """Refuse more samples than the motion has.
-
-        Raises:
-            RecipeError: says how many that are.
-        """
-        motion = self.setting.motion
-        if motion.source == "drive":
-            self.require_logged(self.sensor, motion.base.step)
 
     def samples(self) -> dict[str, Array]:
         """Rates [rad/s] and specific forces [m/s²] by EuRoC's names, in the sensor's frame."""

@@ -148,6 +148,9 @@ _EYE = "{name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}"
         ("kind: imu}", "kind: imu, rate_hz: 400}~motion: drive",
          r"11: sensors\[1\].rate_hz: 'imu': rate_hz 400 is more than a drive is logged at, 250 Hz"),
         ("kind: imu}", "kind: imu, rate_hz: 250}~motion: drive", ""),
+        *(("imu, kind: imu}", f"one, kind: {kind}, rate_hz: 400}}~motion: drive",
+           r"11: sensors\[1\].rate_hz: 'one': rate_hz 400 is more than a drive is logged at, 250")
+          for kind in ("odometry", "inclinometer", "sun_sensor, position_m: [0, 0, 2]")),
         ("- {name: ahead, route: {kind: polyline, points_m: [[0, 0], [2, 0]]}, speed_m_s: 0.5, "
          "rate_hz: 10}\n", "", r"7: paths: a recording needs a path .* the world has none"),
         ("sensors:\n- {name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}\n"

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import DataError, RecipeError
-from terrain_forge.model import ImuSensor, Trajectory
-from terrain_forge.sensors import Curve, Motion, Setting, allan_deviation, motion_of_path
+from terrain_forge.model import ImuSensor, Trajectory, sensor_kinds
+from terrain_forge.sensors import (
+    Curve,
+    Motion,
+    Setting,
+    allan_deviation,
+    instrument_kinds,
+    motion_of_path,
+)
 from terrain_forge.sensors.instruments.imu import COLUMNS, Imu
 from tests.helpers import rovers, worlds
 
@@ -221,8 +228,10 @@ def test_a_bandwidth_halves_the_power_at_its_frequency():
     np.testing.assert_allclose(still[:, 2], _G, atol=1e-12)
 
 
-def test_a_drive_is_not_sampled_faster_than_it_was_logged(wavy):
-    drive = Motion(path="p", source="drive", base=wavy.base)
-    with pytest.raises(RecipeError, match=r"'imu': rate_hz 200 is more than .* 12 Hz"):
-        imu(drive).check()
-    imu(wavy).check()
+@pytest.mark.parametrize("kind", ["imu", "inclinometer", "odometry", "sun_sensor"])
+def test_a_drive_is_not_sampled_faster_than_it_was_logged(kind):
+    sensor = sensor_kinds()[kind](name="one", rate_hz=200.0)
+    measures = instrument_kinds()[kind]
+    measures.require_logged(sensor, 0.005)
+    with pytest.raises(RecipeError, match=r"'one': rate_hz 200 is more than .* 12 Hz"):
+        measures.require_logged(sensor, 1.0 / 12.0)
