@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from annotated_types import Interval
 
@@ -13,6 +13,8 @@ from terrain_forge.base import BY_KIND, Fraction, Idle, NotNegative, Record, Spe
 
 Gain = Annotated[float, Interval(ge=0.01, le=1000)]
 ShutterTime = Annotated[float, Interval(ge=1e-7, le=100)]
+MOST_ELECTRONS = 1e7
+"""What the largest pixel holds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +42,11 @@ class AutoExposure(Record, Spec):
     """By what the camera sees."""
     level: Annotated[float, Interval(ge=0.01, le=1)] = 0.6
     """What the brightest tenth of a picture begins at without the sky, as a part of the largest
-    value; less where a bright sky would get white."""
+    value."""
+    sky: Literal["held", "ignored"] = "held"
+    """`held`: less than `level` where the brightest tenth of the whole picture would get white, as
+    of cameras that meter all of it, whose ground gets dark towards the Sun; `ignored`: the sky may
+    get white, as of cameras that meter a region of the ground."""
     lag_s: Annotated[float, Interval(ge=0, le=60)] = 0.5
     """Time constant with which it follows [s]; 0 to be right at once."""
     shortest_s: ShutterTime = 2e-5
@@ -73,7 +79,7 @@ class CameraNoise(Record, Spec):
     Simulators' own cameras have white noise instead: that of a pixel at half of a full well.
     """
 
-    full_well_e: Annotated[float, Interval(ge=10, le=1e7)] = 10_000.0
+    full_well_e: Annotated[float, Interval(ge=10, le=MOST_ELECTRONS)] = 10_000.0
     """Electrons that a pixel holds."""
     shot: bool = True
     """Whether electrons are counted with the noise of chance: variance = mean."""
@@ -89,6 +95,15 @@ class CameraNoise(Record, Spec):
         """Standard deviation at half of a full well, as a part of it."""
         variance = self.read_e**2 + (0.5 * self.full_well_e if self.shot else 0.0)
         return math.sqrt(variance) / self.full_well_e
+
+    def binned(self, side: float) -> Self:
+        """Of pixels that are sums of `side` × `side` of these, each read for itself."""
+        return self.replace(
+            full_well_e=side**2 * self.full_well_e,
+            read_e=side * self.read_e,
+            prnu=self.prnu / side,
+            dsnu_e=side * self.dsnu_e,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -77,7 +77,9 @@ class Meter:
         assert isinstance(spec, AutoExposure)
         radiance, sky = self._look(number)
         metered = radiance[~sky] if (~sky).mean() >= _FEWEST else radiance
-        bright = max(_brightest(radiance) / _SKY, _brightest(metered) / spec.level)
+        bright = _brightest(metered) / spec.level
+        if spec.sky == "held":
+            bright = max(bright, _brightest(radiance) / _SKY)
         least, most = self._enough / spec.longest_s, self._enough / spec.shortest_s
         return math.log2(self._enough / min(max(bright, 1e-6 * least), 1e6 * most))
 

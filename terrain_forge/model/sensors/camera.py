@@ -11,6 +11,7 @@ from annotated_types import Interval, MinLen
 
 from terrain_forge.base import Coordinate, Idle, Positive
 from terrain_forge.model.camera_parts import (
+    MOST_ELECTRONS,
     AnyExposure,
     AutoExposure,
     BrightnessOffAxis,
@@ -30,9 +31,15 @@ _NEAR = 0.02
 _WIDEST = 170.0
 """Angle that a picture of a pinhole can show [degrees]."""
 
+_MOST_UM = 1000.0
+"""Side of the largest pixel [µm]."""
+
 Channel = Literal["depth", "disparity", "normals", "instance", "class", "shadow", "flow"]
 
-_PAPER = {"width_px": 1280, "height_px": 720, "horizontal_fov_deg": 80.0, "rate_hz": 30.0}
+_PAPER = {
+    **{"width_px": 1280, "height_px": 720, "horizontal_fov_deg": 80.0, "rate_hz": 30.0},
+    "exposure": {"kind": "auto", "sky": "ignored"},
+}
 _NAVCAM = {
     "width_px": 1024,
     "height_px": 1024,
@@ -52,8 +59,8 @@ class CameraSensor(Sensor):
     """A camera; by default one of a ZED at its 720p setting, its figures nominal.
 
     Presets: `zed-720p`; `paper`, that of the MarsSim paper's simulator, 1280 × 720 at 80° and 30
-    Hz, and `paper-90`, at the 90° that the paper states; `navcam`, like those of the Mars rovers
-    (Maki et al. 2012, doi:10.1007/s11214-012-9882-4).
+    Hz, which no sky darkens, and `paper-90`, at the 90° that the paper states; `navcam`, like those
+    of the Mars rovers (Maki et al. 2012, doi:10.1007/s11214-012-9882-4).
     """
 
     title: ClassVar[str] = "camera"
@@ -100,7 +107,7 @@ class CameraSensor(Sensor):
     """Time of exposure and gain; `auto` by default."""
     f_number: Annotated[float, Interval(ge=0.5, le=100)] = 2.0
     """Focal length over aperture."""
-    pixel_um: Annotated[float, Interval(ge=0.1, le=1000)] = 4.0
+    pixel_um: Annotated[float, Interval(ge=0.1, le=_MOST_UM)] = 4.0
     """Side of a pixel on the chip [µm]."""
     quantum_efficiency: Annotated[float, Interval(gt=0, le=1)] = 0.5
     """Electrons for each photon of visible light that comes to the lens."""
@@ -175,14 +182,19 @@ class CameraSensor(Sensor):
 
     @property
     def quick(self) -> Self:
-        """A camera of half the pixels each way, without channels."""
+        """A camera whose pixels are two by two of this one's, without channels."""
         focal, centre = self.focal_px, self.centre_px
+        # As wide as figures may be: values are the same, and noise is that of so many pixels.
+        side = min(
+            2.0, math.sqrt(MOST_ELECTRONS / self.noise.full_well_e), _MOST_UM / self.pixel_um
+        )
         return self.replace(
             width_px=max(self.width_px // 2, 8),
             height_px=max(self.height_px // 2, 8),
             focal_px=focal and (0.5 * focal[0], 0.5 * focal[1]),
             centre_px=centre and (0.5 * centre[0] - 0.25, 0.5 * centre[1] - 0.25),
-            pixel_um=min(2.0 * self.pixel_um, 1000.0),
+            pixel_um=side * self.pixel_um,
+            noise=self.noise.binned(side),
             psf_px=0.5 * self.psf_px,
             channels=(),
         )

@@ -150,6 +150,29 @@ def test_electrons_follow_from_the_optics():
     assert 20.0 * 1e-3 * electrons_per_radiance(_camera()) == pytest.approx(0.5 * photons)
 
 
+@pytest.mark.parametrize("noise", [_NOISE, CameraNoise(full_well_e=9e6, read_e=500.0)])
+def test_a_quick_picture_is_that_of_pixels_two_by_two(noise):
+    """As bright at the same exposure, and with the noise of means of four pixels or more."""
+    full = _camera(noise=noise, exposure=FixedExposure(time_s=_TIME), bits=16)
+    quick, electrons = full.quick, 0.4 * noise.full_well_e
+    radiance = electrons / (electrons_per_radiance(full) * _TIME)
+
+    def values(sensor):
+        chip = Chip(sensor, lens_of(sensor, rectified=False), np.uint64(7))
+        even = np.full((sensor.height_px, sensor.width_px, 1), radiance, np.float32)
+        return chip.read(even, Shutter(_TIME, 1.0), np.uint64(3)).astype(float)
+
+    fine, found = values(full), values(quick)
+    means = fine.reshape(80, 2, 100, 2).mean(axis=(1, 3))
+    assert found.mean() == pytest.approx(0.4 * 65535, rel=1e-3)
+    assert found.mean() == pytest.approx(fine.mean(), rel=1e-3)
+    if noise is _NOISE:
+        assert found.shape == means.shape
+        assert found.std() == pytest.approx(means.std(), rel=0.05)
+    dark = [one.noise.read_e / one.noise.full_well_e for one in (full, quick)]
+    assert dark[1] == pytest.approx(dark[0] / np.sqrt(quick.noise.full_well_e / noise.full_well_e))
+
+
 def _meter(spec, radiance, *, rate=10.0, seen=None, above=1.0):
     def look(number):
         if seen is not None:
@@ -188,6 +211,15 @@ def test_the_ground_is_metered_until_the_sky_gets_white():
     spec = AutoExposure(level=0.5, lag_s=0.0)
     found = [_meter(spec, lambda _: 10.0, above=above).shutter(0).time for above in (0, 1.8, 3.8)]
     assert found == pytest.approx([1e-3, 1e-3, 5e-4], rel=0.006)
+
+
+def test_a_sky_that_is_ignored_gets_white():
+    spec = AutoExposure(level=0.5, lag_s=0.0, sky="ignored")
+    for above in (0, 1.8, 100.0):
+        found = _meter(spec, lambda _: 10.0, above=above).shutter(0).time
+        assert found == pytest.approx(1e-3, rel=0.006)
+    presets, plain = CameraSensor.PRESETS, CameraSensor(name="eye")
+    assert (presets["paper"]["exposure"]["sky"], plain.exposure.sky) == ("ignored", "held")
 
 
 def test_few_looks_serve_many_pictures():
