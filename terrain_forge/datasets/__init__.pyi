@@ -15,6 +15,7 @@ from .pictures import straight_stream as straight_stream
 from .poses import Poses as Poses
 from .poses import tum_text as tum_text
 from .reader import INDEX as INDEX
+from .reader import TRUTH as TRUTH
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair
 from .reader import open_recording as open_recording
@@ -24,7 +25,9 @@ from .streams import RecordedSensor as RecordedSensor
 from .streams import RecordedSeries as RecordedSeries
 from .systems.orb_slam import ORB_FEATURES as ORB_FEATURES
 from .writer import DatasetWriter as DatasetWriter
+from .writer import Footprint as Footprint
 from .writer import checked_options as checked_options
 from .writer import dataset_kind as dataset_kind
 from .writer import dataset_kinds as dataset_kinds
+from .writer import format_size as format_size
 from .writer import write_dataset as write_dataset

@@ -26,8 +26,17 @@ _OUSTER_NAMES = ["x", "y", "z", "intensity", "t", "reflectivity", "ring", "ambie
 
 def layout_of(recording: Recording, lidar: RecordedLidar) -> Layout:
     """The layout of the driver that a lidar's figures are of: Ouster's, or else Velodyne's."""
-    preset = str(recording.recipe_of(lidar).get("preset", ""))
+    return layout_of_preset(str(recording.recipe_of(lidar).get("preset", "")))
+
+
+def layout_of_preset(preset: str) -> Layout:
+    """The layout of the driver that a preset's figures are of."""
     return "ouster" if preset.startswith(("os0", "os1", "os2")) else "velodyne"
+
+
+def point_size(layout: Layout) -> int:
+    """Bytes of a point in a layout."""
+    return _VELODYNE.itemsize if layout == "velodyne" else _ouster(8).itemsize
 
 
 def packed(points: NDArray[Any], layout: Layout, ring_bits: int = 8) -> NDArray[Any]:

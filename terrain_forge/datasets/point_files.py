@@ -30,6 +30,8 @@ BRIGHTER = 100
 """Values of LAZ's own intensity for one of ours: a white surface has 10 000 of 16 bits."""
 INTENSITY = "intensity_float"
 """LAZ's further dimension of intensities as they are."""
+_LAZ = 13.0
+"""Bytes of a point in LAZ, which compresses."""
 _DAY = (2020, 9, 13)
 """Date of LAZ files, that of the first stamp: their bytes shall not tell when they were written."""
 
@@ -43,6 +45,12 @@ def points_of(sweep: NDArray[Any], places: NDArray[np.float64], begin: float) ->
     found["time"] = begin + sweep["time"].astype(np.float64)
     found["x"], found["y"], found["z"] = places.T
     return found
+
+
+def point_size(encoding: Encoding, *, wide: bool) -> float:
+    """About the bytes of a point in a file of an encoding."""
+    known = {"bin": 16.0, "laz": _LAZ, "pcd": 30.0 if wide else 26.0}
+    return known.get(encoding, 42.0 if wide else 26.0)
 
 
 class PointFile:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -19,7 +19,14 @@ from terrain_forge.base import (
     portable,
     quaternion_from_matrix,
 )
-from terrain_forge.datasets.clouds import Layout, layout_of, packed
+from terrain_forge.datasets import sizes
+from terrain_forge.datasets.clouds import (
+    Layout,
+    layout_of,
+    layout_of_preset,
+    packed,
+    point_size,
+)
 from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
 from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
@@ -35,9 +42,8 @@ from terrain_forge.datasets.streams import (
     RecordedLidar,
     RecordedSensor,
     RecordedSeries,
-    stored_size,
 )
-from terrain_forge.datasets.writer import DatasetWriter, needed
+from terrain_forge.datasets.writer import DatasetWriter, Footprint, needed
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -46,8 +52,11 @@ WORLD = "map"
 TRUTH_TOPIC = "/ground_truth/odometry"
 _IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
-_MESSAGE = 3
-"""About how many times as long a message is as its row of a table."""
+_INFO_SIZE, _CLOUD_HEAD = 560.0, 400.0
+"""Bytes of a picture's message and its calibration but for the pixels, of a cloud's but for the
+points, in a bag."""
+_ROWS = {"imu": 400.0, "odometry": 800.0, "sun": 120.0, "inclinometer": 120.0, "tf": 180.0}
+"""Bytes of the messages of tables."""
 _DATATYPES = {"f4": 7, "u4": 6, "u2": 4, "u1": 2}
 
 
@@ -89,11 +98,27 @@ class RosBag(DatasetWriter):
         for name in options.sensors:
             recording.sensor(name)
 
-    def size(self, recording: Recording, options: Any) -> int:
-        """Pictures as their pixels, points as their layout, rows of tables as their messages."""
-        told = [recording.truth.table_file] if options.truth in ("odometry", "both") else []
-        sensors = _written(recording, options)
-        return _MESSAGE * stored_size(told) + sum(_size(recording, s, options) for s in sensors)
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Of pictures each value, of clouds each point, of all else messages of one length."""
+        named = [one for one in footprints if _is_chosen(one, options.sensors)]
+        found = 0.0
+        for one, sensor in sizes.cameras(named) if options.pictures else ():
+            pixels = sensor.width_px * sensor.height_px
+            image = pixels * (3 if sensor.colour else 1)
+            each = image + _INFO_SIZE
+            if options.depth and "depth" in one.sizes:
+                each += 4 * pixels + _INFO_SIZE + (image if RECTIFIED in one.sizes else 0)
+            found += one.count * each
+        for lidar in sizes.lidars(named):
+            layout = options.cloud
+            if layout == "lidar":
+                layout = layout_of_preset(lidar.sensor.preset if lidar.sensor else "")
+            found += lidar.count * (point_size(layout) * sizes.points(lidar) + _CLOUD_HEAD)
+        for one in sizes.tables(named):
+            found += one.count * _ROWS.get(one.key.rstrip("0123456789"), 0.0)
+        truth = sum(one.count for one in footprints if one.sensor is None)
+        told = {"odometry": ("odometry", "both"), "tf": ("tf", "both")}
+        return found + truth * sum(_ROWS[k] for k, when in told.items() if options.truth in when)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -365,27 +390,8 @@ def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> 
     return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
 
 
-def _size(recording: Recording, sensor: RecordedSensor, options: RosOptions) -> int:
-    """About how many bytes the messages of a sensor have."""
-    if isinstance(sensor, RecordedLidar):
-        layout = _layout(recording, sensor, options)
-        none = np.zeros(0, sensor.sweep(0).dtype) if len(sensor.stamps) else None
-        step = packed(none, layout, options.ring_bits).dtype.itemsize if none is not None else 0
-        return step * sensor.points
-    if not isinstance(sensor, RecordedCamera):
-        return _MESSAGE * stored_size([sensor.table_file])
-    if not len(sensor.stamps):
-        return 0
-    pixels = sensor.size[0] * sensor.size[1]
-    each = sum(3 if sensor.image(0, one).ndim == 3 else 1 for one in _streams(sensor, options))
-    deep = 4 if options.depth and "depth" in sensor.channels else 0
-    return len(sensor.stamps) * pixels * (each + deep)
-
-
-def _streams(camera: RecordedCamera, options: RosOptions) -> list[str]:
-    """Pictures of a camera that are written."""
-    depth = options.depth and "depth" in camera.channels
-    return ["data", *([RECTIFIED] if depth and truth_stream(camera) == RECTIFIED else [])]
+def _is_chosen(one: Footprint, names: Sequence[str]) -> bool:
+    return one.sensor is not None and (not names or any(map(one.is_called, names)))
 
 
 def frame_of(sensor: RecordedSensor) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -153,11 +153,6 @@ class RecordedSensor:
         if channel != "data":
             stem = f"{Path(stem).stem}{self.channels[channel].get('suffix', '.png')}"
         return self.folder / channel / stem
-
-
-def stored_size(files: Iterable[Path]) -> int:
-    """Bytes of some files, those that are missing left out."""
-    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def stored_array(path: Path, where: str) -> NDArray[Any]:
@@ -315,13 +310,6 @@ class RecordedLidar(RecordedSensor):
         """Instances that are no rock's: what a point is on, and its number."""
         told = self.channels["data"].get("instance", {})
         return told if isinstance(told, Mapping) else {}
-
-    @property
-    def points(self) -> int:
-        """About how many points its sweeps have, by the sizes of their files."""
-        size = stored_size(self.file(number) for number in range(len(self.stamps)))
-        first = stored_array(self.file(0), f"{self.key}/data") if len(self.stamps) else np.zeros(1)
-        return size // max(first.dtype.itemsize, 1)
 
     def sweep(self, number: int) -> NDArray[Any]:
         """The points of a sweep, fields x, y, z [m], intensity, ring, time [s], instance."""

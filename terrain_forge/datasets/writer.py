@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shutil
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -20,7 +21,6 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
-    require_disk,
     require_unlinked,
     resolved,
     returning,
@@ -30,7 +30,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.streams import RecordedSensor
-from terrain_forge.model import ExportReport, options_adapter
+from terrain_forge.model import ExportReport, Sensor, options_adapter
 
 Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth", "class"]
 """What a rig must have: sensors, or pictures or channels of a camera."""
@@ -39,10 +39,34 @@ GROUP = "terrain_forge.datasets"
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footprint:
+    """About what the measurements of one sensor take in a recording, or the truth's rows."""
+
+    key: str
+    """The name of its folder, such as `cam0`."""
+    sensor: Sensor | None
+    """The sensor, of a stereo pair one of the two; None for the truth."""
+    count: int
+    """How many measurements there are."""
+    sizes: Mapping[str, float]
+    """Bytes of one by its streams, such as `data` and `depth`."""
+
+    @property
+    def size(self) -> float:
+        """Bytes of all."""
+        return self.count * sum(self.sizes.values())
+
+    def is_called(self, name: str | None) -> bool:
+        """Whether an option that names a sensor, or none, may mean it."""
+        return self.sensor is not None and name in (None, "", self.key, self.sensor.name)
+
+
 class DatasetWriter:
     """Writes a recording in one format; a format is a subclass with its `kind`.
 
-    It must have a `title`, its `Options`, and `write`; `needs`, `naming` and `check` may stay.
+    It must have a `title`, its `Options`, and `write`; `needs`, `naming`, `check` and `size` may
+    stay.
 
     It writes what it reads one measurement at a time, so that its memory does not grow with the
     recording, and the same bytes each time.
@@ -67,10 +91,9 @@ class DatasetWriter:
             ExportError: says what is missing.
         """
 
-    def size(self, recording: Recording, options: Any) -> int:
-        """About how many bytes it writes, so that a disk without room is refused; 0: not known."""
-        del recording, options
-        return 0
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:  # noqa: ARG002
+        """About the bytes that a recording takes in it; by default as many as the recording."""
+        return sum(one.size for one in footprints)
 
     @abstractmethod
     def write(
@@ -140,7 +163,6 @@ def write_dataset(
     with storing(target, target.parent):
         _require_free(target, recording)
         require_unlinked(around.parent, around.name)
-        require_disk(target, writer.size(recording, chosen))
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)
@@ -169,6 +191,17 @@ def checked_options(kind: str, options: Mapping[str, Any]) -> Any:
         RecipeError: if there is no such format, or it has no such option.
     """
     return _options(dataset_kind(kind)(), options)
+
+
+def format_size(kind: str, options: Mapping[str, Any], footprints: Sequence[Footprint]) -> float:
+    """About the bytes that a recording takes in a format.
+
+    Raises:
+        RecipeError: if there is no such format, or it has no such option.
+    """
+    writer = dataset_kind(kind)()
+    with returning(writer, f"dataset format {kind!r}: size", "a number of bytes"):
+        return float(writer.size(footprints, _options(writer, options)))
 
 
 def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) -> Any:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 from terrain_forge.base import RecipeError, processors, size_text
 from terrain_forge.building import calibrated
+from terrain_forge.datasets import TRUTH, Footprint, format_size
 from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site, StereoSensor
 from terrain_forge.paths import duration
 from terrain_forge.recipe import DatasetSpec
-from terrain_forge.recording.rig import QUICK
+from terrain_forge.recording.formats import formats_of
+from terrain_forge.recording.rig import QUICK, folder_names
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.sensors import Frames, instrument_kinds
 
@@ -24,8 +26,8 @@ of 8 bits; and by how much it is longer in colour. On the machine of `building.c
 times here; scenes differ by half."""
 CHANNEL = 1.2e-7, 0.7
 """Processor time and bytes that a further channel takes for each pixel."""
-EYES = 2
-"""Channels that disparity is for each eye, with what the other one does not see."""
+EYES = "disparity", "occlusion"
+"""Channels that disparity is for each eye: it, and what the other one does not see."""
 SWEEP, RAY, POINT = 0.004, 2e-7, 15.0
 """Processor time of a sweep and of each of its rays [s], and bytes of its point, of which about
 half come back."""
@@ -46,28 +48,59 @@ TRUTH_RATE, TRUTH_ROW = 200.0, 500.0
 
 def measurement_cost(sensor: Sensor) -> tuple[float, float]:
     """About the processor time [s] that a measurement takes, and the bytes of its files."""
+    more = _further(sensor)
+    seconds = [_picture(p, more) for p in sensor.simple if isinstance(p, CameraSensor)]
+    seconds += [SWEEP + RAY * p.rays for p in sensor.simple if isinstance(p, LidarSensor)]
+    sizes = [size for part in sensor.simple for size in _sizes(part, more).values()]
+    return ROW[0] + sum(seconds), sum(sizes)
+
+
+def _further(sensor: Sensor) -> tuple[str, ...]:
+    """Channels that each eye of a pair has beside those of a camera alone."""
     both = isinstance(sensor, StereoSensor) and "disparity" in sensor.channels
-    more = EYES if both else 0
-    parts = [_picture(p, more) for p in sensor.simple if isinstance(p, CameraSensor)]
-    parts += [_sweep(p) for p in sensor.simple if isinstance(p, LidarSensor)]
-    seconds, size = zip(ROW, *parts, strict=True)
-    return sum(seconds), sum(size)
+    return EYES if both else ()
 
 
-def _picture(camera: CameraSensor, more: int) -> tuple[float, float]:
+def _picture(camera: CameraSensor, more: Sequence[str]) -> float:
     pixels, pictures = camera.width_px * camera.height_px, len(camera.images)
     looks = pictures * (camera.motion_blur // 2 * 2 + 1)  # truth is of the middle
-    values = pictures * (3 if camera.colour else 1) * (1 if camera.bits == 8 else 2)
-    more += len(camera.channels)
     each = VIEW + pixels * PIXEL[0] * (COLOURED if camera.colour else 1.0)
-    return looks * each + pixels * CHANNEL[0] * more, pixels * (
-        PIXEL[1] * values + CHANNEL[1] * more
+    return looks * each + pixels * CHANNEL[0] * (len(camera.channels) + len(more))
+
+
+def _sizes(sensor: Sensor, more: Sequence[str]) -> dict[str, float]:
+    """Bytes of a measurement by its streams."""
+    if isinstance(sensor, LidarSensor):
+        return {"data": POINT * len(sensor.elevations) / (sensor.column_s * sensor.rate_hz)}
+    if not isinstance(sensor, CameraSensor):
+        return {"data": ROW[1]}
+    pixels = sensor.width_px * sensor.height_px
+    values = (3 if sensor.colour else 1) * (1 if sensor.bits == 8 else 2)
+    streams = ("data", "rectified")[: len({*sensor.images})]
+    return dict.fromkeys(streams, PIXEL[1] * values * pixels) | dict.fromkeys(
+        (*sensor.channels, *more), CHANNEL[1] * pixels
     )
 
 
-def _sweep(lidar: LidarSensor) -> tuple[float, float]:
-    points = len(lidar.elevations) / (lidar.column_s * lidar.rate_hz)
-    return SWEEP + RAY * lidar.rays, POINT * points
+def truth_footprint(count: int) -> Footprint:
+    """What the truth takes, of so many rows."""
+    return Footprint(key=TRUTH, sensor=None, count=count, sizes={"data": TRUTH_ROW})
+
+
+def _footprints(sensors: Sequence[Sensor], counts: Sequence[int], rows: float) -> list[Footprint]:
+    """What a recording of some sensors takes, each measuring so often."""
+    kinds = instrument_kinds()
+    parts = [
+        (part, count, _sizes(part, _further(one)))
+        for one, count in zip(sensors, counts, strict=True)
+        for part in one.simple
+    ]
+    names = folder_names(kinds[part.kind] for part, _, _ in parts)
+    found = [
+        Footprint(key=name, sensor=part, count=count, sizes=size)
+        for name, (part, count, size) in zip(names, parts, strict=True)
+    ]
+    return [*found, truth_footprint(round(rows))]
 
 
 def seconds_of(tasks: Iterable[tuple[Sensor, int]], workers: int | None = None) -> float:
@@ -112,14 +145,16 @@ def recording_cost(
     counts = [int(length * _rate(one, spec)) + 1 for one in recorded]
     costs = [measurement_cost(one) for one in recorded]
     rows = TRUTH_RATE * length
-    size = sum(n * cost[1] for n, cost in zip(counts, costs, strict=True)) + TRUTH_ROW * rows
-    formats = len({*spec.formats} - {"euroc"})
+    taken = _footprints(recorded, counts, rows)
+    formats = formats_of(spec).items()
+    further = sum(format_size(name, options, taken) for name, options in formats)
+    size = sum(one.size for one in taken)
     stages = {
         "load": LOAD,
         "scene": SCENE + (DRIVEN * length if spec.motion == "drive" else 0.0),
         "rehearsal": REHEARSED + sum(seconds for seconds, _ in costs),
         "tables": LISTED * (rows + 2.0 * sum(counts)),
-        "formats": FORMAT * formats * size,
+        "formats": FORMAT * further,
         "report page": PAGE,
     }
     recording = seconds_of(zip(recorded, counts, strict=True))
@@ -131,7 +166,7 @@ def recording_cost(
             if issubclass(kinds[one.kind], Frames)
         ),
         seconds=recording + sum(calibrated(stages).values()),
-        size=size * (1 + formats),  # a further format is about as large
+        size=size + further,
     )
 
 

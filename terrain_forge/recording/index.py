@@ -16,8 +16,14 @@ from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.order import Spans, joined, within
 from terrain_forge.recording.rig import Folder, body_of, from_body
 from terrain_forge.recording.store import Store
-from terrain_forge.recording.texts import files_text, matrix, table_text, yaml_text
-from terrain_forge.recording.truth import EPOCH, body_table, body_times, sensor_poses
+from terrain_forge.recording.texts import files_text, matrix, table, written, yaml_text
+from terrain_forge.recording.truth import (
+    EPOCH,
+    base_poses,
+    body_table,
+    body_times,
+    sensor_poses,
+)
 from terrain_forge.sensors import Frames, Series, Setting
 
 INDEX = "dataset.json"
@@ -79,14 +85,14 @@ def write_index(
         write = _write_table if folder.is_table else _write_files
         times = write(store, folder, mine)
         store.put(f"{MAV}/{folder.name}/sensor.yaml", _calibration(folder, body_of(folders)))
-        store.put(f"truth/{folder.name}.tum", sensor_poses(folder, times))
+        store.put(f"truth/{folder.name}.tum", written(sensor_poses(folder, times)))
         told.append(_stream(folder, times))
     times = body_times(setting, folders)
     union = joined(tuple(span for each in spans.values() for span in each))
-    body, base = body_table(setting, folders, times[within(times, union)])
-    store.put(f"{_TRUTH}/data.csv", body)
+    times = times[within(times, union)]
+    store.put(f"{_TRUTH}/data.csv", written(body_table(setting, folders, times)))
     store.put(f"{_TRUTH}/sensor.yaml", _truth_yaml())
-    store.put("truth/base_link.tum", base)
+    store.put("truth/base_link.tum", written(base_poses(setting, times)))
     about = _about(setting, folders, spec, told) | {"spans_ns": spans}
     store.put(INDEX, (json.dumps(about, indent=1, ensure_ascii=False) + "\n").encode())
     return {folder.name: stream["count"] for folder, stream in zip(done, told, strict=True)}
@@ -100,7 +106,7 @@ def _write_table(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64
     chosen = within(times, spans)
     columns = {name: column[chosen] for name, column in instrument.samples().items()}
     name = f"{MAV}/{folder.name}/data.csv"
-    store.put(name, table_text(columns, times[chosen] + EPOCH))
+    store.put(name, written(table(columns, times[chosen] + EPOCH)))
     return np.asarray(times[chosen])
 
 
@@ -117,7 +123,7 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
     assert isinstance(instrument, Frames)
     numbers = np.searchsorted(instrument.times, times).tolist()
     for name, columns in instrument.tables(numbers).items():
-        store.put(f"{place}/{name}.csv", table_text(columns, times + EPOCH))
+        store.put(f"{place}/{name}.csv", written(table(columns, times + EPOCH)))
     return times
 
 

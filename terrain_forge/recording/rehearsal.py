@@ -11,12 +11,20 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import ExportError, StorageError, size_text
-from terrain_forge.datasets import checked_options, dataset_kind, open_recording
-from terrain_forge.recording.cost import measurement_cost
+from terrain_forge.datasets import (
+    Footprint,
+    checked_options,
+    dataset_kind,
+    format_size,
+    open_recording,
+)
+from terrain_forge.recording.cost import measurement_cost, truth_footprint
 from terrain_forge.recording.index import write_index
-from terrain_forge.recording.order import within
+from terrain_forge.recording.order import Spans, joined, within
+from terrain_forge.recording.rig import Folder
 from terrain_forge.recording.store import Store
 from terrain_forge.recording.task import Task, Work
+from terrain_forge.recording.truth import body_times
 from terrain_forge.sensors import NANOSECONDS
 
 _SPARE = 2**24
@@ -42,7 +50,8 @@ def rehearse(work: Work, store: Store, formats: Mapping[str, Mapping[str, Any]])
     """
     firsts = _first_measurements(work) if work.tasks or formats else []
     lacking = _lacking(formats, firsts, work) if formats else {}
-    _require_disk_space(store, firsts, work, formats=len(formats) - len(lacking))
+    kept = {name: options for name, options in formats.items() if name not in lacking}
+    _require_disk_space(store, firsts, work, kept)
     return lacking
 
 
@@ -83,22 +92,50 @@ def _lacking(
 
 
 def _require_disk_space(
-    store: Store, firsts: Sequence[tuple[Task, dict[str, bytes]]], work: Work, *, formats: int
+    store: Store,
+    firsts: Sequence[tuple[Task, dict[str, bytes]]],
+    work: Work,
+    formats: Mapping[str, Mapping[str, Any]],
 ) -> None:
-    """Refuse a disk that is too small; each further format is about as large as the recording."""
-    sizes = {task.folder.name: sum(map(len, files.values())) for task, files in firsts}
-    needed = sum(sizes[task.folder.name] for task in work.tasks)
+    """Refuse a disk that is too small for what is missing, and for all of the formats."""
+    sizes = {
+        task.folder.name: {stream: len(content) for stream, content in files.items()}
+        for task, files in firsts
+    }
+    needed = float(sum(sum(sizes[task.folder.name].values()) for task in work.tasks))
     for one in work.chosen:
         if one.is_table:
-            rows = int(within(one.times, (work.order.span,)).sum())
-            needed += round(rows * measurement_cost(one.sensor)[1])
-    gained = store.size if work.anew else 0
-    needed += formats * (needed + store.size - gained)
+            needed += _count(one, (work.order.span,)) * measurement_cost(one.sensor)[1]
+    gained = store.size if work.anew else sum(_size(store.folder / name) for name in formats)
+    if formats:
+        taken = [
+            Footprint(
+                key=one.name,
+                sensor=one.sensor,
+                count=_count(one, work.spans[one.sensor.name]),
+                sizes=sizes.get(one.name, {"data": measurement_cost(one.sensor)[1]}),
+            )
+            for one in work.folders
+        ]
+        times = body_times(work.setting, work.rig)
+        spans = joined(tuple(span for each in work.spans.values() for span in each))
+        taken.append(truth_footprint(int(within(times, spans).sum())))
+        needed += sum(format_size(name, options, taken) for name, options in formats.items())
     place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
     free = shutil.disk_usage(place).free + gained
     if needed + _SPARE > free:
         raise StorageError(
-            f"{store.folder} cannot be written: what is missing needs about {size_text(needed)} "
-            f"and {size_text(_SPARE)} to spare, the disk has {size_text(free)} free; record "
-            "less by --only, --from, --to or --quick"
+            f"{store.folder} cannot be written: what is missing needs about "
+            f"{size_text(round(needed))} and {size_text(_SPARE)} to spare, the disk has "
+            f"{size_text(free)} free; record less by --only, --from, --to or --quick"
         )
+
+
+def _size(folder: Path) -> int:
+    """Bytes of a folder's files; 0 where there is none."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def _count(folder: Folder, spans: Spans) -> int:
+    """How many measurements of a folder lie in spans."""
+    return int(within(folder.times, spans).sum())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,39 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array
 from terrain_forge.writers import yaml_number
 
+Blocks = Iterator[bytes]
+"""A file in parts."""
 STAMP = "#timestamp [ns]"
+_BLOCK = 8192
+"""Rows of a part."""
 
 
-def table_text(columns: Mapping[str, NDArray[Any]], stamps: NDArray[np.int64]) -> bytes:
+def table(columns: Mapping[str, NDArray[Any]], stamps: NDArray[np.int64]) -> Blocks:
     """A CSV of columns behind their stamps, as EuRoC's."""
-    rows = zip(stamps.tolist(), *(column.tolist() for column in columns.values()), strict=True)
-    lines = (",".join(map(str, row)) for row in rows)
-    return _joined([",".join([STAMP, *columns]), *lines])
+    yield _joined([",".join([STAMP, *columns])])
+    for part in blocks(len(stamps)):
+        yield table_rows(stamps[part], *(column[part] for column in columns.values()))
+
+
+def table_rows(*columns: NDArray[Any]) -> bytes:
+    """Rows of a CSV; there is one at least."""
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return _joined(",".join(map(str, row)) for row in rows)
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """So many rows in parts, whose texts take little memory."""
+    return (slice(n, min(n + _BLOCK, count)) for n in range(0, count, _BLOCK))
+
+
+def written(parts: Blocks) -> Callable[[Path], None]:
+    """What writes a file of some parts, one after another."""
+
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            file.writelines(parts)
+
+    return write
 
 
 def files_text(stamps: Sequence[int], suffix: str) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import quaternion_from_matrix
 from terrain_forge.datasets import Poses, tum_text
 from terrain_forge.recording.rig import Folder, body_of
-from terrain_forge.recording.texts import table_text
+from terrain_forge.recording.texts import STAMP, Blocks, blocks, table_rows
 from terrain_forge.sensors import NANOSECONDS, Setting, State
 
 EPOCH = 1_600_000_000 * NANOSECONDS
@@ -36,31 +36,37 @@ def body_times(setting: Setting, folders: Sequence[Folder]) -> NDArray[np.int64]
     return np.arange(int(setting.motion.end * NANOSECONDS / step + 1e-6) + 1, dtype=np.int64) * step
 
 
-def body_table(
-    setting: Setting, folders: Sequence[Folder], times: NDArray[np.int64]
-) -> tuple[bytes, bytes]:
-    """EuRoC's table of the body's truth, and base_link's poses, at times [ns]."""
-    body, base = body_of(folders), setting.motion.base.at(times / NANOSECONDS)
-    state = base if body is None else body.state(times)
-    biases = np.zeros((len(times), 6))
-    if body is not None and (told := getattr(body.instrument, "biases", None)) is not None:
-        biases = told(times)
-    values = np.hstack(
-        [state.position, quaternion_from_matrix(state.rotation), state.velocity, biases]
-    )
-    table = dict(zip(_COLUMNS, values.T, strict=True))
-    return table_text(table, times + EPOCH), _poses(base, times)
+def body_table(setting: Setting, folders: Sequence[Folder], times: NDArray[np.int64]) -> Blocks:
+    """EuRoC's table of the body's truth at times [ns]."""
+    body = body_of(folders)
+    biases = getattr(body.instrument, "biases", None) if body else None
+    yield f"{','.join([STAMP, *_COLUMNS])}\n".encode()
+    for part in blocks(len(times)):
+        some = times[part]
+        state = body.state(some) if body else setting.motion.base.at(some / NANOSECONDS)
+        turn = quaternion_from_matrix(state.rotation)
+        told = biases(some) if biases else np.zeros((len(some), 6))
+        values = np.hstack([state.position, turn, state.velocity, told])
+        yield table_rows(some + EPOCH, *values.T)
 
 
-def sensor_poses(folder: Folder, times: NDArray[np.int64]) -> bytes:
+def base_poses(setting: Setting, times: NDArray[np.int64]) -> Blocks:
+    """Poses of base_link at times [ns]."""
+    return _poses(lambda some: setting.motion.base.at(some / NANOSECONDS), times)
+
+
+def sensor_poses(folder: Folder, times: NDArray[np.int64]) -> Blocks:
     """Poses of a sensor's frame at times [ns]."""
-    return _poses(folder.state(times), times)
+    return _poses(folder.state, times)
 
 
-def _poses(state: State, times: NDArray[np.int64]) -> bytes:
-    poses = Poses(
-        stamps=times + EPOCH,
-        position=state.position,
-        quaternion=quaternion_from_matrix(state.rotation),
-    )
-    return (_HEAD + tum_text(poses)).encode()
+def _poses(states: Callable[[NDArray[np.int64]], State], times: NDArray[np.int64]) -> Blocks:
+    yield _HEAD.encode()
+    for part in blocks(len(times)):
+        state = states(times[part])
+        poses = Poses(
+            stamps=times[part] + EPOCH,
+            position=state.position,
+            quaternion=quaternion_from_matrix(state.rotation),
+        )
+        yield tum_text(poses).encode()

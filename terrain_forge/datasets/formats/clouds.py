@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
+from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import LidarMotion, on_rover, places
 from terrain_forge.datasets.point_files import (
     BRIGHTER,
     INTENSITY,
     Encoding,
     PointFile,
+    point_size,
     points_of,
 )
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
-from terrain_forge.datasets.writer import DatasetWriter, Need, needed, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, needed, one_of
 
 _HEAD = "# timestamp tx ty tz qx qy qz qw, of the lidar in the world at each sweep's first firing\n"
+
+
+_HEADING = 300.0
+"""Bytes of a cloud before its points."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +69,13 @@ class Clouds(DatasetWriter):
         if options.encoding == "laz":
             needed("laspy", "LAZ")
             needed("lazrs", "LAZ")
+
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Points of the lidars, and of sweeps their poses."""
+        point = point_size(options.encoding, wide=options.map)
+        pose = 0.0 if options.map else sizes.POSE + _HEADING
+        found = sizes.lidars(footprints, name=options.lidar)
+        return sum(one.count * (point * sizes.points(one) + pose) for one in found)
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -10,6 +11,7 @@ import numpy as np
 from annotated_types import Len, Predicate
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable
+from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import LidarMotion
 from terrain_forge.datasets.pictures import (
     picture_losses,
@@ -19,11 +21,11 @@ from terrain_forge.datasets.pictures import (
 )
 from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording, StereoPair
-from terrain_forge.datasets.streams import RecordedLidar, stored_size
-from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
+from terrain_forge.datasets.streams import RecordedLidar
+from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, one_of
 
-_POINT = 16
-"""Bytes of a point of a scan."""
+_ROW, _POINT = 245.0, 16.0
+"""Bytes of a pose and its time, of a point."""
 Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
 
 
@@ -56,18 +58,17 @@ class Kitti(DatasetWriter):
         if lidar := _lidar(recording, options):
             LidarMotion(recording, lidar)
 
-    def size(self, recording: Recording, options: Any) -> int:
-        """Pictures as they are, colours in grey beside them, and a sweep for each of them."""
-        pair = rectified_pair(recording, options.camera or "", self.kind)
-        count, size = len(pair.left.stamps), 0
-        for camera in (pair.left, pair.right):
-            stream = straight_stream(camera)
-            coloured = count and camera.image(0, stream).ndim == 3
-            kept = stored_size(camera.file(number, stream) for number in range(count))
-            size += kept * 4 // 3 if coloured else kept
-        if (lidar := _lidar(recording, options)) and len(lidar.stamps):
-            size += count * _POINT * (lidar.points // len(lidar.stamps))
-        return size
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Pictures, poses, and a scan for each picture."""
+        for left, sensor in sizes.cameras(footprints, name=options.camera):
+            each = 2.0 * sizes.picture(left, to_grey=True) + _ROW
+            each += 2.0 * sizes.picture(left) if sensor.colour else 0.0
+            for lidar in sizes.lidars(footprints, name=options.lidar):
+                if options.scans:
+                    each += _POINT * sizes.points(lidar)
+                break
+            return left.count * each
+        return 0.0
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

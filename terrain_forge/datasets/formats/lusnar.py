@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import ExportError, FileName, Positive, Progress, Spec
+from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import places
 from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
-from terrain_forge.datasets.reader import BASE, Recording, StereoPair
+from terrain_forge.datasets.reader import BASE, TRUTH, Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
-from terrain_forge.datasets.writer import DatasetWriter, Need
+from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need
 from terrain_forge.writers import write_png
 
 REGOLITH, CRATER, ROCK, MOUNTAIN, SKY, NONE = 0, 1, 2, 3, 4, 255
@@ -25,6 +26,10 @@ _CLASSES = {
 }  # fmt: skip
 """Our classes as LuSNAR's; what it has no word for is `NONE`."""
 _COLOURS = {REGOLITH: 0xBB469C, CRATER: 0x7800C8, ROCK: 0xE8FA50, MOUNTAIN: 0xAD451F, SKY: 0x22C9F8}
+
+
+_POINT = 31.0
+"""Bytes of a point as text."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +63,19 @@ class Lusnar(DatasetWriter):
             raise ExportError(
                 f"lusnar needs {channel} of {camera.name}: record with channels: [depth, class]"
             )
+
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Pictures, depth and classes of both cameras, sweeps, and two tables as text."""
+        found = 0.0
+        for one, _ in sizes.cameras(footprints, "depth", "class", name=options.camera):
+            each = sizes.picture(one) + sizes.depth(one) + one.sizes["class"]
+            found += 2.0 * one.count * each
+            break
+        for lidar in sizes.lidars(footprints):
+            found += lidar.count * _POINT * sizes.points(lidar)
+            break
+        told = (one for one in sizes.tables(footprints) if one.key in ("imu0", TRUTH))
+        return found + sum(one.count * one.sizes["data"] for one in told)
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

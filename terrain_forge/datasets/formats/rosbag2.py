@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -9,9 +10,12 @@ from typing import Any, ClassVar, Literal
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.ros import RosBag, RosMessages, RosOptions, in_order, losses
+from terrain_forge.datasets.writer import Footprint
 
 _VERSION: Literal[8] = 8
 """Of the metadata: what Humble and later read."""
+_COMPRESSED = 0.6
+"""About what zstd leaves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +43,10 @@ class Rosbag2(RosBag):
         if options.storage == "sqlite3" and options.compression != "none":
             raise ExportError("rosbag2: compression zstd needs storage mcap, not sqlite3")
 
-    def size(self, recording: Recording, options: Any) -> int:
-        """As of what is not compressed; a quarter of it at least stays of what is."""
-        whole = super().size(recording, options)
-        return whole // 4 if options.compression == "zstd" else whole
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Of a bag, or what compression leaves of it."""
+        share = _COMPRESSED if options.compression == "zstd" else 1.0
+        return share * super().size(footprints, options)
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

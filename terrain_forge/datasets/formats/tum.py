@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import ExportError, FileName, Progress, Spec
+from terrain_forge.datasets import sizes
 from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedCamera
-from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, one_of
+
+_ROWS = 3.0 * 60.0 + sizes.POSE
+"""Bytes of a picture's rows in the lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +42,12 @@ class Tum(DatasetWriter):
     def check(self, recording: Recording, options: Any) -> None:
         """Refuse a recording without depth."""
         _camera(recording, options)
+
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Pictures, depth, and their lists."""
+        for one, _ in sizes.cameras(footprints, "depth", name=options.camera):
+            return one.count * (sizes.picture(one) + sizes.depth(one) + _ROWS)
+        return 0.0
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress
