@@ -12,7 +12,7 @@ from terrain_forge.model import CameraSensor, LidarSensor, Sensor, Site, StereoS
 from terrain_forge.paths import duration
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.formats import formats_of
-from terrain_forge.recording.rig import QUICK, folder_names
+from terrain_forge.recording.rig import folder_names, quick_step
 from terrain_forge.recording.setting import as_recorded
 from terrain_forge.sensors import Frames, instrument_kinds
 
@@ -249,4 +249,4 @@ def _warnings(site: Site, sensors: Sequence[Sensor], spec: DatasetSpec) -> Itera
 def _rate(sensor: Sensor, spec: DatasetSpec) -> float:
     """Measurements that are recorded per second [Hz]."""
     few = spec.profile == "quick" and issubclass(instrument_kinds()[sensor.kind], Frames)
-    return min(sensor.rate_hz, QUICK) if few else sensor.rate_hz
+    return sensor.rate_hz / (quick_step(sensor.rate_hz) if few else 1)

@@ -87,9 +87,14 @@ def folders_of(instruments: Sequence[Instrument], *, quick: bool) -> tuple[Folde
     found = []
     for name, instrument in zip(folder_names(map(type, instruments)), instruments, strict=True):
         few = quick and isinstance(instrument, Frames)
-        every = max(ceil(instrument.sensor.rate_hz / QUICK - 1e-9), 1) if few else 1
+        every = quick_step(instrument.sensor.rate_hz) if few else 1
         found.append(Folder(name=name, instrument=instrument, every=every))
     return tuple(found)
+
+
+def quick_step(rate: float) -> int:
+    """Of so many measurements one is recorded in a look at a recording, by their rate [Hz]."""
+    return max(ceil(rate / QUICK - 1e-9), 1)
 
 
 def folder_names(kinds: Iterable[type[Instrument]]) -> Iterator[str]:

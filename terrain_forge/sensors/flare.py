@@ -63,7 +63,14 @@ def visible_part(
 
 
 def add_sun(
-    radiance: Picture, sky: Mask, lens: Lens, sun: SunSeen, flare: LensFlare | None, key: np.uint64
+    radiance: Picture,
+    sky: Mask,
+    lens: Lens,
+    sun: SunSeen,
+    flare: LensFlare | None,
+    key: np.uint64,
+    *,
+    glass: Lens | None = None,
 ) -> None:
     """Add the Sun's disc where there is sky, and what goes astray of its light, to a picture.
 
@@ -74,8 +81,10 @@ def add_sun(
         sun: The Sun.
         flare: What the lens does; None for the disc alone.
         key: What the shapes of this camera's ghosts hang on.
+        glass: What the light comes through, of a rectified picture the raw one's lens; by default
+            the camera's.
     """
-    open_ = aperture_seen(lens, sun.towards)
+    open_ = aperture_seen(glass or lens, sun.towards)
     if sun.part <= 0.0 or open_ <= 0.0:
         return
     pixels, seen = project(lens, sun.towards[None])

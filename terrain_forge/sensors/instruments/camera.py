@@ -227,7 +227,7 @@ class CameraFrames(Frames):
         world, eye = self.setting.world, self.eye(time)
         light, (position, rotation) = world.lighting, eye.middle
         towards = portable.product(light.towards_sun, rotation)
-        if light.towards_sun[2] <= 0.0 or aperture_seen(self.lens(style), towards) == 0.0:
+        if light.towards_sun[2] <= 0.0 or aperture_seen(self.lens("raw"), towards) == 0.0:
             return exposure.radiance
         radius = 0.5 * world.sun_diameter
         part = visible_part(
@@ -242,7 +242,8 @@ class CameraFrames(Frames):
         radiance = np.array(exposure.radiance)
         sky = exposure.instance == MISSED
         key = self._key(_FLARE)
-        add_sun(radiance, sky, self.lens(style), sun, self.sensor.flare, key)
+        lens, glass = self.lens(style), self.lens("raw")
+        add_sun(radiance, sky, lens, sun, self.sensor.flare, key, glass=glass)
         return radiance
 
     def _truth(self, number: int, exposure: Exposure) -> dict[str, bytes]:

@@ -51,6 +51,8 @@ def test_a_path_shorter_than_a_frame_is_refused(told):
 
 def test_a_path_longer_than_a_frame_has_a_cost(told):
     assert "4 s, 2 measurements" in told(0.3)
+    quick = told(6, "dataset: {", "dataset: {profile: quick, ")
+    assert "4 s, 13 measurements" in quick  # every second one
 
 
 @pytest.mark.parametrize(

@@ -385,6 +385,10 @@ def test_a_fisheye_sees_the_sun_beside_and_behind_itself():
             row, column = np.unravel_index(light.argmax(), (400, 400))
             assert np.hypot(row - 199.5, column - 199.5 - angle * lens.focal[0]) < 2.5
             assert light.max() == pytest.approx(500.0 / (np.pi * 0.01**2), rel=0.05)
+    rectified, light = lens_of(sensor, rectified=True), np.zeros((400, 400, 1), np.float32)
+    sun = SunSeen(np.array([0.1, 0.0, -0.1]), 0.01, 500.0, 1.0)
+    add_sun(light, sky, rectified, sun, _FLARE, np.uint64(3), glass=lens)
+    assert light.any()  # stray light comes through the same glass
     veil = [lit[degrees][:, :100].mean() for degrees in (89, 91)]
     assert 0.9 * veil[0] < veil[1] < veil[0]
     assert not lit[180].any()
