@@ -115,6 +115,7 @@ from .specs import adapter_of as adapter_of
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
 from .specs import is_listed_name as is_listed_name
+from .storage import require_disk as require_disk
 from .storage import storing as storing
 from .tasks import require_scheduler as require_scheduler
 from .tasks import run_tasks as run_tasks

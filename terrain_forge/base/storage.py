@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from terrain_forge.base.bounded import size_text
 from terrain_forge.base.errors import StorageError, TerrainForgeError
 
 _FULL = 2**16
@@ -39,6 +40,21 @@ def storing(target: Path, folder: Path) -> Iterator[None]:
         if why := _fault(error, folder):
             raise StorageError(f"{target} cannot be written: {why}") from error
         raise
+
+
+def require_disk(target: Path, needed: int) -> None:
+    """Refuse what a disk has no room for.
+
+    Raises:
+        StorageError: says how much it needs, and how much there is.
+    """
+    place = next(above for above in (target, *target.absolute().parents) if above.exists())
+    free = shutil.disk_usage(place).free
+    if needed > free:
+        raise StorageError(
+            f"{target} cannot be written: it needs about {size_text(needed)}, the disk has "
+            f"{size_text(free)} free"
+        )
 
 
 def _fault(error: BaseException | None, folder: Path) -> str:

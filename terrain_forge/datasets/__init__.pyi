@@ -19,13 +19,13 @@ from .reader import TRUTH as TRUTH
 from .reader import Recording as Recording
 from .reader import StereoPair as StereoPair
 from .reader import open_recording as open_recording
+from .sizes import Footprint as Footprint
 from .streams import RecordedCamera as RecordedCamera
 from .streams import RecordedLidar as RecordedLidar
 from .streams import RecordedSensor as RecordedSensor
 from .streams import RecordedSeries as RecordedSeries
 from .systems.orb_slam import ORB_FEATURES as ORB_FEATURES
 from .writer import DatasetWriter as DatasetWriter
-from .writer import Footprint as Footprint
 from .writer import checked_options as checked_options
 from .writer import dataset_kind as dataset_kind
 from .writer import dataset_kinds as dataset_kinds

@@ -37,13 +37,14 @@ from terrain_forge.datasets.ros_series import (
     series_kind,
     series_messages,
 )
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import (
     RecordedCamera,
     RecordedLidar,
     RecordedSensor,
     RecordedSeries,
 )
-from terrain_forge.datasets.writer import DatasetWriter, Footprint, needed
+from terrain_forge.datasets.writer import DatasetWriter, needed
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -100,23 +101,21 @@ class RosBag(DatasetWriter):
 
     def size(self, footprints: Sequence[Footprint], options: Any) -> float:
         """Of pictures each value, of clouds each point, of all else messages of one length."""
-        named = [one for one in footprints if _is_chosen(one, options.sensors)]
+        own = [one for one in footprints if one.name]
+        named = [one for one in own if any(map(one.is_called, options.sensors or ("",)))]
         found = 0.0
-        for one, sensor in sizes.cameras(named) if options.pictures else ():
-            pixels = sensor.width_px * sensor.height_px
-            image = pixels * (3 if sensor.colour else 1)
-            each = image + _INFO_SIZE
+        for one in sizes.cameras(named) if options.pictures else ():
+            each = one.pixels * one.colours + _INFO_SIZE
             if options.depth and "depth" in one.sizes:
-                each += 4 * pixels + _INFO_SIZE + (image if RECTIFIED in one.sizes else 0)
+                each += 4 * one.pixels + _INFO_SIZE
+                each += one.pixels * one.colours if RECTIFIED in one.sizes else 0
             found += one.count * each
-        for lidar in sizes.lidars(named):
-            layout = options.cloud
-            if layout == "lidar":
-                layout = layout_of_preset(lidar.sensor.preset if lidar.sensor else "")
-            found += lidar.count * (point_size(layout) * sizes.points(lidar) + _CLOUD_HEAD)
+        for one in sizes.lidars(named):
+            layout = options.cloud if options.cloud != "lidar" else layout_of_preset(one.preset)
+            found += one.count * (point_size(layout) * sizes.points(one) + _CLOUD_HEAD)
         for one in sizes.tables(named):
             found += one.count * _ROWS.get(one.key.rstrip("0123456789"), 0.0)
-        truth = sum(one.count for one in footprints if one.sensor is None)
+        truth = sum(one.count for one in footprints if not one.name)
         told = {"odometry": ("odometry", "both"), "tf": ("tf", "both")}
         return found + truth * sum(_ROWS[k] for k, when in told.items() if options.truth in when)
 
@@ -388,10 +387,6 @@ def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
 
 def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
     return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
-
-
-def _is_chosen(one: Footprint, names: Sequence[str]) -> bool:
-    return one.sensor is not None and (not names or any(map(one.is_called, names)))
 
 
 def frame_of(sensor: RecordedSensor) -> str:

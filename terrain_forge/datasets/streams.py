@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
@@ -153,6 +153,11 @@ class RecordedSensor:
         if channel != "data":
             stem = f"{Path(stem).stem}{self.channels[channel].get('suffix', '.png')}"
         return self.folder / channel / stem
+
+
+def stored_size(files: Iterable[Path]) -> int:
+    """Bytes of some files, those that are missing left out."""
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def stored_array(path: Path, where: str) -> NDArray[Any]:

@@ -6,7 +6,6 @@ import shutil
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -21,6 +20,7 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
+    require_disk,
     require_unlinked,
     resolved,
     returning,
@@ -29,8 +29,9 @@ from terrain_forge.base import (
     write_through,
 )
 from terrain_forge.datasets.reader import Recording, open_recording
+from terrain_forge.datasets.sizes import Footprint, footprints_of
 from terrain_forge.datasets.streams import RecordedSensor
-from terrain_forge.model import ExportReport, Sensor, options_adapter
+from terrain_forge.model import ExportReport, options_adapter
 
 Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth", "class"]
 """What a rig must have: sensors, or pictures or channels of a camera."""
@@ -39,34 +40,10 @@ GROUP = "terrain_forge.datasets"
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Footprint:
-    """About what the measurements of one sensor take in a recording, or the truth's rows."""
-
-    key: str
-    """The name of its folder, such as `cam0`."""
-    sensor: Sensor | None
-    """The sensor, of a stereo pair one of the two; None for the truth."""
-    count: int
-    """How many measurements there are."""
-    sizes: Mapping[str, float]
-    """Bytes of one by its streams, such as `data` and `depth`."""
-
-    @property
-    def size(self) -> float:
-        """Bytes of all."""
-        return self.count * sum(self.sizes.values())
-
-    def is_called(self, name: str | None) -> bool:
-        """Whether an option that names a sensor, or none, may mean it."""
-        return self.sensor is not None and name in (None, "", self.key, self.sensor.name)
-
-
 class DatasetWriter:
     """Writes a recording in one format; a format is a subclass with its `kind`.
 
-    It must have a `title`, its `Options`, and `write`; `needs`, `naming`, `check` and `size` may
-    stay.
+    It must have a `title`, its `Options`, and `write`; `needs`, `naming` and `check` may stay.
 
     It writes what it reads one measurement at a time, so that its memory does not grow with the
     recording, and the same bytes each time.
@@ -91,8 +68,12 @@ class DatasetWriter:
             ExportError: says what is missing.
         """
 
-    def size(self, footprints: Sequence[Footprint], options: Any) -> float:  # noqa: ARG002
-        """About the bytes that a recording takes in it; by default as many as the recording."""
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """About the bytes that it writes, so that a disk without room is refused.
+
+        By default as many as the recording has.
+        """
+        del options
         return sum(one.size for one in footprints)
 
     @abstractmethod
@@ -163,6 +144,7 @@ def write_dataset(
     with storing(target, target.parent):
         _require_free(target, recording)
         require_unlinked(around.parent, around.name)
+        require_disk(target, round(_size(writer, footprints_of(recording), chosen)))
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)
@@ -193,17 +175,6 @@ def checked_options(kind: str, options: Mapping[str, Any]) -> Any:
     return _options(dataset_kind(kind)(), options)
 
 
-def format_size(kind: str, options: Mapping[str, Any], footprints: Sequence[Footprint]) -> float:
-    """About the bytes that a recording takes in a format.
-
-    Raises:
-        RecipeError: if there is no such format, or it has no such option.
-    """
-    writer = dataset_kind(kind)()
-    with returning(writer, f"dataset format {kind!r}: size", "a number of bytes"):
-        return float(writer.size(footprints, _options(writer, options)))
-
-
 def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) -> Any:
     if isinstance(options, Spec):
         return options
@@ -215,6 +186,21 @@ def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) ->
     except ValidationError as error:
         why = complaint(error, adapter, plain)
         raise RecipeError(f"dataset format {writer.kind!r}: {why}", key=why.key) from None
+
+
+def format_size(kind: str, options: Mapping[str, Any], footprints: Sequence[Footprint]) -> float:
+    """About the bytes that a recording takes in a format.
+
+    Raises:
+        RecipeError: if there is no such format, or it has no such option.
+    """
+    writer = dataset_kind(kind)()
+    return _size(writer, footprints, _options(writer, options))
+
+
+def _size(writer: DatasetWriter, footprints: Sequence[Footprint], options: Any) -> float:
+    with returning(writer, f"dataset format {writer.kind!r}: size", "a number of bytes"):
+        return float(writer.size(footprints, options))
 
 
 def _require_free(target: Path, recording: Recording) -> None:

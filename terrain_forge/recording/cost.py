@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from terrain_forge.base import RecipeError, processors, size_text
@@ -84,7 +84,24 @@ def _sizes(sensor: Sensor, more: Sequence[str]) -> dict[str, float]:
 
 def truth_footprint(count: int) -> Footprint:
     """What the truth takes, of so many rows."""
-    return Footprint(key=TRUTH, sensor=None, count=count, sizes={"data": TRUTH_ROW})
+    sizes = {"data": TRUTH_ROW}
+    return Footprint(key=TRUTH, name="", kind="truth", count=count, sizes=sizes)
+
+
+def footprint(key: str, sensor: Sensor, count: int, sizes: Mapping[str, float]) -> Footprint:
+    """What a sensor that is no pair takes in a folder."""
+    camera = sensor if isinstance(sensor, CameraSensor) else None
+    return Footprint(
+        key=key,
+        name=sensor.name,
+        kind=sensor.kind,
+        count=count,
+        sizes=sizes,
+        pixels=camera.width_px * camera.height_px if camera else 0,
+        colours=3 if camera and camera.colour else 1,
+        bits=camera.bits if camera else 8,
+        preset=sensor.preset,
+    )
 
 
 def _footprints(sensors: Sequence[Sensor], counts: Sequence[int], rows: float) -> list[Footprint]:
@@ -97,7 +114,7 @@ def _footprints(sensors: Sequence[Sensor], counts: Sequence[int], rows: float) -
     ]
     names = folder_names(kinds[part.kind] for part, _, _ in parts)
     found = [
-        Footprint(key=name, sensor=part, count=count, sizes=size)
+        footprint(name, part, count, size)
         for name, (part, count, size) in zip(names, parts, strict=True)
     ]
     return [*found, truth_footprint(round(rows))]

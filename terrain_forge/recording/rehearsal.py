@@ -12,13 +12,12 @@ import numpy as np
 
 from terrain_forge.base import ExportError, StorageError, size_text
 from terrain_forge.datasets import (
-    Footprint,
     checked_options,
     dataset_kind,
     format_size,
     open_recording,
 )
-from terrain_forge.recording.cost import measurement_cost, truth_footprint
+from terrain_forge.recording.cost import footprint, measurement_cost, truth_footprint
 from terrain_forge.recording.index import write_index
 from terrain_forge.recording.order import Spans, joined, within
 from terrain_forge.recording.rig import Folder
@@ -109,11 +108,11 @@ def _require_disk_space(
     gained = store.size if work.anew else sum(_size(store.folder / name) for name in formats)
     if formats:
         taken = [
-            Footprint(
-                key=one.name,
-                sensor=one.sensor,
-                count=_count(one, work.spans[one.sensor.name]),
-                sizes=sizes.get(one.name, {"data": measurement_cost(one.sensor)[1]}),
+            footprint(
+                one.name,
+                one.sensor,
+                _count(one, work.spans[one.sensor.name]),
+                sizes.get(one.name, {"data": measurement_cost(one.sensor)[1]}),
             )
             for one in work.folders
         ]

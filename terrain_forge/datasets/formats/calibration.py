@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -9,6 +10,7 @@ from typing import Any, ClassVar, Literal
 from terrain_forge.base import Progress, Spec
 from terrain_forge.datasets.calibration import calibration_files, calibration_losses
 from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.writer import DatasetWriter
 
 
@@ -27,6 +29,11 @@ class Calibration(DatasetWriter):
     kind: ClassVar[str] = "calibration"
     title: ClassVar[str] = "calibration of SLAM systems"
     Options: ClassVar[type[Spec]] = Options
+
+    def size(self, footprints: Sequence[Footprint], options: Any) -> float:
+        """Nothing that a disk need be asked for: a few texts."""
+        del footprints, options
+        return 0.0
 
     def write(
         self, recording: Recording, folder: Path, options: Any, progress: Progress

@@ -20,8 +20,9 @@ from terrain_forge.datasets.point_files import (
 )
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import RecordedLidar
-from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, needed, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, needed, one_of
 
 _HEAD = "# timestamp tx ty tz qx qy qz qw, of the lidar in the world at each sweep's first firing\n"
 

@@ -21,11 +21,12 @@ from terrain_forge.datasets.pictures import (
 )
 from terrain_forge.datasets.poses import Poses, inverse_pose
 from terrain_forge.datasets.reader import Recording, StereoPair
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import RecordedLidar
-from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
 _ROW, _POINT = 245.0, 16.0
-"""Bytes of a pose and its time, of a point."""
+"""Bytes of a pose and its time, of a point of a scan."""
 Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
 
 
@@ -59,13 +60,12 @@ class Kitti(DatasetWriter):
             LidarMotion(recording, lidar)
 
     def size(self, footprints: Sequence[Footprint], options: Any) -> float:
-        """Pictures, poses, and a scan for each picture."""
-        for left, sensor in sizes.cameras(footprints, name=options.camera):
+        """Pictures, colours in grey beside them, poses, and a scan for each picture."""
+        for left in sizes.cameras(footprints, name=options.camera):
             each = 2.0 * sizes.picture(left, to_grey=True) + _ROW
-            each += 2.0 * sizes.picture(left) if sensor.colour else 0.0
+            each += 2.0 * sizes.picture(left) if left.colours > 1 else 0.0
             for lidar in sizes.lidars(footprints, name=options.lidar):
-                if options.scans:
-                    each += _POINT * sizes.points(lidar)
+                each += _POINT * sizes.points(lidar) if options.scans else 0.0
                 break
             return left.count * each
         return 0.0

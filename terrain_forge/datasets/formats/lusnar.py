@@ -15,8 +15,9 @@ from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import places
 from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.reader import BASE, TRUTH, Recording, StereoPair
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar, RecordedSeries
-from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need
+from terrain_forge.datasets.writer import DatasetWriter, Need
 from terrain_forge.writers import write_png
 
 REGOLITH, CRATER, ROCK, MOUNTAIN, SKY, NONE = 0, 1, 2, 3, 4, 255
@@ -67,7 +68,7 @@ class Lusnar(DatasetWriter):
     def size(self, footprints: Sequence[Footprint], options: Any) -> float:
         """Pictures, depth and classes of both cameras, sweeps, and two tables as text."""
         found = 0.0
-        for one, _ in sizes.cameras(footprints, "depth", "class", name=options.camera):
+        for one in sizes.cameras(footprints, "depth", "class", name=options.camera):
             each = sizes.picture(one) + sizes.depth(one) + one.sizes["class"]
             found += 2.0 * one.count * each
             break

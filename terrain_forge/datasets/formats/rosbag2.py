@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.ros import RosBag, RosMessages, RosOptions, in_order, losses
-from terrain_forge.datasets.writer import Footprint
+from terrain_forge.datasets.sizes import Footprint
 
 _VERSION: Literal[8] = 8
 """Of the metadata: what Humble and later read."""

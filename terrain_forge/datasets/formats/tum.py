@@ -12,8 +12,9 @@ from terrain_forge.datasets import sizes
 from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
+from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import RecordedCamera
-from terrain_forge.datasets.writer import DatasetWriter, Footprint, Need, one_of
+from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
 _ROWS = 3.0 * 60.0 + sizes.POSE
 """Bytes of a picture's rows in the lists."""
@@ -45,7 +46,7 @@ class Tum(DatasetWriter):
 
     def size(self, footprints: Sequence[Footprint], options: Any) -> float:
         """Pictures, depth, and their lists."""
-        for one, _ in sizes.cameras(footprints, "depth", name=options.camera):
+        for one in sizes.cameras(footprints, "depth", name=options.camera):
             return one.count * (sizes.picture(one) + sizes.depth(one) + _ROWS)
         return 0.0
 

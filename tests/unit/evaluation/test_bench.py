@@ -398,6 +398,20 @@ def test_an_option_may_be_a_list(dataset, system):
     assert list((dataset / "slam" / "inputs").glob("*/rosbag2_sensors-imu0+lidar0"))
 
 
+@pytest.mark.parametrize("kind", ["kitti", "rosbag1", "rosbag2"])
+def test_a_disk_without_room_for_an_input_is_told_at_once(dataset, system, kind, monkeypatch):
+    """By what is about to be written, which the format knows to a quarter."""
+    write_dataset(dataset, kind, dataset / "whole")
+    written = sum(one.stat().st_size for one in (dataset / "whole").rglob("*") if one.is_file())
+    told = system("mine", "pass", input=kind)
+    for free, room in ((0.6 * written, False), (1.4 * written, True)):
+        usage = shutil.disk_usage(dataset)._replace(free=int(free))
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, usage=usage: usage)
+        (one,) = evaluate_recording(dataset, [find_system(told)])
+        assert one.run.status == ("lost" if room else "failed"), one.run.why
+        assert (": it needs about " in one.run.why) != room
+
+
 def test_all_may_be_given_more_time_or_less(dataset, system):
     path = system("slow", "import time; time.sleep(60)")
     (one,) = evaluate_recording(dataset, [find_system(path)], timeout_s=1.0)
