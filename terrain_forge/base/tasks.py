@@ -14,9 +14,10 @@ import platform
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from importlib import import_module
 from itertools import islice
@@ -46,6 +47,7 @@ _REACH = 5.0
 PATIENCE = 600.0
 """How long a cluster may be without workers before a build gives up [s]."""
 _THREADS = "NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+_SAFE_PATH = "PYTHONSAFEPATH"
 _SERVE = "from terrain_forge.base import serve_tasks; serve_tasks()"
 
 
@@ -256,6 +258,31 @@ def _on_dask(
     tries: int,
     told: Callable[[str], None] | None,
 ) -> Iterator[tuple[T, R | Exception]]:
+    with _safe_path() if scheduler == LOCAL else nullcontext():
+        yield from _on_cluster(function, items, workers, scheduler, tries, told)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """No module comes from the current folder, in all that Dask starts meanwhile, or anew."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(_SAFE_PATH)
+        if before is not None:
+            os.environ[_SAFE_PATH] = before
+
+
+def _on_cluster(
+    function: Callable[[T], R],
+    items: Iterable[T],
+    workers: int | None,
+    scheduler: str,
+    tries: int,
+    told: Callable[[str], None] | None,
+) -> Iterator[tuple[T, R | Exception]]:
     client = _connected(scheduler, workers)
     distributed, local = import_module("distributed"), scheduler == LOCAL
     try:
@@ -367,10 +394,11 @@ def _connected(scheduler: str, workers: int | None) -> Any:
         ) from None
     if scheduler == LOCAL:
         logging.getLogger("distributed").setLevel(logging.WARNING)  # how it comes and goes
-        os.environ.setdefault("PYTHONSAFEPATH", "1")  # for all that Dask starts, now and later
-        return distributed.Client(
-            n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Port ", UserWarning)  # its dashboard takes another
+            return distributed.Client(
+                n_workers=workers or processors(), threads_per_worker=1, memory_limit=0
+            )
     _knock(distributed, scheduler)
     return distributed.Client(scheduler, timeout=_REACH, set_as_default=False)
 

@@ -13,6 +13,8 @@ _GRACE = 15.0
 """How long a launcher has to end its program and itself [s]."""
 _NOTE = ".used"
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
+_BESIDE = {"PYTHONSAFEPATH": ""}
+"""What a driver imports lies beside it, and it runs in a folder of its own."""
 
 
 class Program:
@@ -34,7 +36,7 @@ class Program:
         with log.open("wb") as file:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", _LAUNCHER, str(self._note), *words], cwd=folder,
-                stdout=file, env={**os.environ, **environment}, stderr=subprocess.STDOUT,
+                stdout=file, env={**os.environ, **_BESIDE, **environment}, stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL, start_new_session=True,
             )  # fmt: skip
 

@@ -130,7 +130,7 @@ def slowly(item: int) -> int:
 def cluster() -> Iterator[Any]:
     distributed: Any = pytest.importorskip("distributed")
     options = {"n_workers": 1, "threads_per_worker": 1, "memory_limit": 0, "processes": False}
-    with distributed.LocalCluster(**options, dashboard_address=None) as made:
+    with distributed.LocalCluster(**options, dashboard_address=":0") as made:
         yield made
 
 

@@ -163,7 +163,7 @@ def test_a_dask_cluster_that_loses_a_worker_makes_the_same_bytes(built, recipe, 
     distributed = pytest.importorskip("distributed")
     out, killed = tmp_path / "six", list[int]()
     options = {"n_workers": 2, "threads_per_worker": 1, "memory_limit": 0}
-    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(**options, dashboard_address=":0") as cluster:
 
         def kill(stage, share=None):
             """One of the workers, once the first tile is there; the cluster starts another."""

@@ -32,7 +32,7 @@ def store():
 def scheduler():
     """A cluster of one thread of this process."""
     options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "memory_limit": 0}
-    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(**options, dashboard_address=":0") as cluster:
         yield cluster.scheduler_address
 
 
@@ -41,7 +41,7 @@ def test_other_processes_make_the_same_bytes_and_leave_nothing(built, site, tmp_
     there = tmp_path / "store"
     there.mkdir()
     options = {"n_workers": 2, "threads_per_worker": 2, "memory_limit": 0}
-    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(**options, dashboard_address=":0") as cluster:
         given = {"scheduler": cluster.scheduler_address, "exchange": there.as_uri()}
         result = tf.build(site, tmp_path / "six", **given)
     assert (result.tiles, result.made) == (6, 6)

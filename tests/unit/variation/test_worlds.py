@@ -75,7 +75,7 @@ def test_a_dask_cluster_makes_the_same_bytes(made: Path, tmp_path: Path) -> None
     """Two workers of a cluster that runs, given by its address; it runs on afterwards."""
     distributed: Any = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": 1, "memory_limit": 0}
-    with distributed.LocalCluster(**options, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(**options, dashboard_address=":0") as cluster:
         address = cluster.scheduler_address
         done = worlds(recipe(tmp_path), tmp_path / "out", scheduler=address)
         assert (done.made, done.failed) == (4, ())
