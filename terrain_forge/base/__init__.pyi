@@ -14,6 +14,8 @@ from .bounded import require_file as require_file
 from .bounded import require_gltf as require_gltf
 from .bounded import size_text as size_text
 from .cache import cache_folder as cache_folder
+from .cluster import require_scheduler as require_scheduler
+from .cluster import software as software
 from .compiling import compile_ahead as compile_ahead
 from .errors import DataError as DataError
 from .errors import ExportError as ExportError
@@ -111,16 +113,14 @@ from .specs import Pair as Pair
 from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
-from .specs import adapter_of as adapter_of
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
 from .specs import is_listed_name as is_listed_name
+from .specs import type_adapter as type_adapter
 from .storage import require_disk as require_disk
 from .storage import storing as storing
-from .tasks import require_scheduler as require_scheduler
 from .tasks import run_tasks as run_tasks
 from .tasks import serve_tasks as serve_tasks
-from .tasks import software as software
 from .threads import ask_for_interrupt as ask_for_interrupt
 from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn

@@ -203,9 +203,14 @@ class Spec:
                 raise RecipeError(f"has no effect: {why}", key=(name,))
 
 
+def type_adapter(spec: type[Any]) -> TypeAdapter[Any]:
+    """Pydantic's view of a class of specs, made once."""
+    known: Any = spec  # a class is hashable, whatever mypy thinks of its instances
+    return _adapter(known)
+
+
 @cache
-def adapter_of(spec: Any) -> TypeAdapter[Any]:
-    """Pydantic's view of a class of specs."""
+def _adapter(spec: Any) -> TypeAdapter[Any]:
     from pydantic import TypeAdapter
 
     return TypeAdapter(spec)
@@ -223,7 +228,7 @@ def _read_anew(spec: Any) -> Any:
     try:
         with trusting():  # what it makes of the values may use its own methods
             kind: Any = type(spec)
-            adapter = adapter_of(kind)
+            adapter = type_adapter(kind)
             # What is wrong is told by reading it back, not by warnings of the writer.
             plain = adapter.dump_python(spec, mode="json", warnings=False, fallback=_plain)
             text = json.dumps(plain, ensure_ascii=False).encode()

@@ -42,18 +42,28 @@ def storing(target: Path, folder: Path) -> Iterator[None]:
         raise
 
 
-def require_disk(target: Path, needed: int) -> None:
+def require_disk(
+    target: Path, needed: float, *, spare: int = 0, gained: int = 0, remedy: str = ""
+) -> None:
     """Refuse what a disk has no room for.
+
+    Args:
+        target: What is to be written.
+        needed: About how many bytes of it are missing.
+        spare: Bytes that stay free.
+        gained: Bytes of what goes before.
+        remedy: What else can be done.
 
     Raises:
         StorageError: says how much it needs, and how much there is.
     """
     place = next(above for above in (target, *target.absolute().parents) if above.exists())
-    free = shutil.disk_usage(place).free
-    if needed > free:
+    free = shutil.disk_usage(place).free + gained
+    if needed + spare > free:
+        more = f" and {size_text(spare)} to spare" if spare else ""
         raise StorageError(
-            f"{target} cannot be written: it needs about {size_text(needed)}, the disk has "
-            f"{size_text(free)} free"
+            f"{target} cannot be written: what is missing needs about {size_text(round(needed))}"
+            f"{more}, the disk has {size_text(free)} free{remedy}"
         )
 
 

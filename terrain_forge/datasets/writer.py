@@ -26,12 +26,13 @@ from terrain_forge.base import (
     returning,
     silent,
     storing,
+    type_adapter,
     write_through,
 )
 from terrain_forge.datasets.reader import Recording, open_recording
 from terrain_forge.datasets.sizes import Footprint, footprints_of
 from terrain_forge.datasets.streams import RecordedSensor
-from terrain_forge.model import ExportReport, options_adapter
+from terrain_forge.model import ExportReport
 
 Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth", "class"]
 """What a rig must have: sensors, or pictures or channels of a camera."""
@@ -180,7 +181,7 @@ def _options(writer: DatasetWriter, options: Spec | Mapping[str, Any] | None) ->
         return options
     from pydantic import ValidationError
 
-    adapter, plain = options_adapter(writer.Options), dict(options or {})
+    adapter, plain = type_adapter(writer.Options), dict(options or {})
     try:
         return adapter.validate_python(plain)
     except ValidationError as error:

@@ -29,11 +29,10 @@ from terrain_forge.datasets import (
     Recording,
     holds_format,
     open_recording,
-    pair_of,
     state_of,
     write_dataset,
 )
-from terrain_forge.evaluation.adapter import SENSOR_PLACES, Adapter, Run, run_system
+from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
     find_system,
@@ -46,11 +45,16 @@ from terrain_forge.evaluation.catalogue import (
 )
 from terrain_forge.evaluation.kept import kept_results
 from terrain_forge.evaluation.loops import LoopScore, score_loops
+from terrain_forge.evaluation.needs import (
+    frames_given,
+    require_frame,
+    require_sensors,
+    sensor_places,
+)
 from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
-from terrain_forge.sensors import instrument_kinds, is_folder
 
 RESULTS = "slam"
 """Where results lie, in the recording's folder."""
@@ -155,7 +159,7 @@ def _result(
     try:
         places = _places(recording, adapter, inputs, progress)
         frame = adapter.frame_of(sensor_places(recording))
-        frames = _frames(recording, adapter)
+        frames = frames_given(recording, adapter)
         before = _state(recording.folder)
         run = run_system(adapter, places, keep=keep)
         changed = {name for name, *_ in before ^ _state(recording.folder)}
@@ -229,61 +233,6 @@ def _places(
         **sensor_places(recording),
     }
     return {name: str(place) for name, place in places.items()}
-
-
-def sensor_places(recording: Recording) -> dict[str, str]:
-    """What stands for the sensors of `SENSOR_PLACES` in a recording, those that it has."""
-    found = {}
-    if pair := pair_of(recording):
-        found = {"left": pair.left.key, "right": pair.right.key}
-    for lidar in recording.lidars[:1]:
-        found["lidar"] = lidar.key
-    return found
-
-
-def _frames(recording: Recording, adapter: Adapter) -> int:
-    """How many sweeps, or else pictures, a system is given; 0 if it looks at neither."""
-    if "lidar" in adapter.needs and recording.lidars:
-        return len(recording.lidars[0].stamps)
-    if {"mono", "stereo", "rgbd"} & {*adapter.needs} and recording.cameras:
-        pair = pair_of(recording)
-        return len((pair.left if pair else recording.cameras[0]).stamps)
-    return 0
-
-
-def require_sensors(recording: Recording, adapter: Adapter) -> None:
-    """Refuse a recording that lacks what a system needs.
-
-    Raises:
-        DataError: says what is missing.
-    """
-    there = {
-        "mono": bool(recording.cameras),
-        "stereo": bool(recording.pairs),
-        "rgbd": any("depth" in camera.channels for camera in recording.cameras),
-        "lidar": bool(recording.lidars),
-        "imu": bool(recording.imus),
-        "odometry": bool(recording.series("odometry")),
-    }
-    served = sensor_places(recording)
-    places = [SENSOR_PLACES[one] for one in adapter.sensor_places() if one not in served]
-    needs: list[str] = [need for need in adapter.needs if not there[need]]
-    if missing := [*needs, *(one for one in dict.fromkeys(places) if one not in needs)]:
-        raise DataError(f"{adapter.name} needs {' and '.join(missing)}, which was not recorded")
-
-
-def _require_frame(recording: Recording, adapter: Adapter) -> None:
-    """Refuse a frame that is none; that of a sensor's folder may yet not have been recorded.
-
-    Raises:
-        DataError: lists what there is.
-    """
-    known = adapter.frame in ("base_link", "body") or adapter.frame[:1] == "{"
-    if not known and not is_folder(adapter.frame, instrument_kinds().values()):
-        try:
-            recording.sensor(adapter.frame)
-        except DataError as error:
-            raise DataError(f"{adapter.name}: frame: {error}, base_link, body") from None
 
 
 def truth_of(recording: Recording, frame: str) -> TimedPoses:
@@ -412,7 +361,7 @@ def chosen_systems(
         named = [find_system(name.strip()) for name in names.split(",")]
         recording = open_recording(dataset)
         for adapter in named:
-            _require_frame(recording, adapter)
+            require_frame(recording, adapter)
         return with_binaries(named, binaries)
     recording = open_recording(dataset)
     found = []

@@ -44,7 +44,6 @@ from .exporting import exporter as exporter
 from .exporting import exporter_names as exporter_names
 from .exporting import ground_patches as ground_patches
 from .exporting import material_frictions as material_frictions
-from .exporting import options_adapter as options_adapter
 from .exporting import plain_options as plain_options
 from .exporting import prepare as prepare
 from .exporting import refused_folder as refused_folder

@@ -16,7 +16,6 @@ from terrain_forge.base import (
     MAX_NAME,
     RecipeError,
     Spec,
-    adapter_of,
     checked,
     failure_words,
     hint_at,
@@ -25,12 +24,11 @@ from terrain_forge.base import (
     plugins,
     skip_plugin,
     skipped,
+    type_adapter,
 )
 from terrain_forge.model.body import Body
 
 if TYPE_CHECKING:
-    from pydantic import TypeAdapter
-
     from terrain_forge.model.world import World
 
 _log = logging.getLogger(__name__)
@@ -100,20 +98,15 @@ class Export:
         """
         found = exporter(self.kind)
         try:
-            return found, options_adapter(found.Options).validate_json(json.dumps(self.options))
+            return found, type_adapter(found.Options).validate_json(json.dumps(self.options))
         except ValueError as error:
             why = " ".join(str(error).split())
             raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
 
 
-def options_adapter(options: type[Spec]) -> TypeAdapter[Any]:
-    """Pydantic's view of an exporter's options."""
-    return adapter_of(options)  # type: ignore[arg-type]  # a class is hashable
-
-
 def plain_options(options: Spec) -> dict[str, Any]:
     """An exporter's options as JSON, defaults written out."""
-    plain: dict[str, Any] = options_adapter(type(options)).dump_python(options, mode="json")
+    plain: dict[str, Any] = type_adapter(type(options)).dump_python(options, mode="json")
     plain.pop("kind", None)
     return plain
 

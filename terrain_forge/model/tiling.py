@@ -53,6 +53,13 @@ class TileGrid:
         """Row and column of a tile."""
         return divmod(number, self.across)
 
+    def nodes(self, window: Window) -> tuple[int, int]:
+        """Columns and rows of nodes that a tile has for itself: not those of the next ones."""
+        return (
+            window.columns + (window.column + window.columns == self.columns),
+            window.rows + (window.row + window.rows == self.rows),
+        )
+
     def folder(self, number: int) -> str:
         """Where a tile's files lie in the site's folder."""
         row, column = self.place(number)

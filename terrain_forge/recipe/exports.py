@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from terrain_forge.base import RecipeError, complaint, dotted
-from terrain_forge.model import Exporter, exporter, options_adapter, refused_folder
+from terrain_forge.base import RecipeError, complaint, dotted, type_adapter
+from terrain_forge.model import Exporter, exporter, refused_folder
 from terrain_forge.recipe.schema import Recipe
 
 
@@ -57,7 +57,7 @@ def _order(folder: str, options: dict[str, Any]) -> ExportOrder:
         raise RecipeError(f"must be the name of an exporter, found {kind!r}", key=(*key, "kind"))
     try:
         found = exporter(kind)
-        adapter = options_adapter(found.Options)
+        adapter = type_adapter(found.Options)
         checked = adapter.validate_json(json.dumps(options), strict=True)
     except RecipeError as error:
         raise RecipeError(str(error), key=(*key, *error.key)) from None

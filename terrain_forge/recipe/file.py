@@ -30,10 +30,11 @@ from terrain_forge.base import (
     dotted,
     read_text,
     resolved,
+    warn_user,
     write_whole,
     yaml_reader,
 )
-from terrain_forge.recipe.idle import idle_keys, remove_idle, warn_idle
+from terrain_forge.recipe.idle import idle_keys, remove_idle
 from terrain_forge.recipe.renames import current_key, numbered, rename_keys, warn_renamed
 from terrain_forge.recipe.schema import Recipe, adapter
 
@@ -168,7 +169,7 @@ def _tell_idle(path: Path, recipe: Recipe, data: Any, lines: Lines, plain: Any) 
         if refused:
             raise RecipeError(told)
         if key in known or not told.startswith(f"{path}:"):
-            warn_idle(told)
+            warn_user(told)
 
 
 @checked

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any, NamedTuple
 
-from terrain_forge.base import Key, RecipeError, Spec, warn_user
+from terrain_forge.base import Key, RecipeError, Spec
 from terrain_forge.recipe.exports import ExportOrder, export_orders
 from terrain_forge.recipe.renames import value_at
 from terrain_forge.recipe.schema import Recipe
@@ -57,11 +57,6 @@ def remove_idle(recipe: Recipe, data: Any) -> Any:
         if isinstance(spec, Spec) and spec.is_default(str(name)):  # options stand as written
             value_at(data, tuple(place)).pop(name, None)
     return data
-
-
-def warn_idle(message: str) -> None:
-    """Warn the caller of `load_recipe` of a key that changes nothing."""
-    warn_user(message)
 
 
 def _all_idle(value: Any, key: Key = ()) -> Iterator[IdleKey]:

@@ -19,10 +19,10 @@ from terrain_forge.base import (
     Positive,
     RecipeError,
     Spec,
-    adapter_of,
     checked,
     complaint,
     documented,
+    type_adapter,
 )
 from terrain_forge.dtm import ArrayDtm, FlatDtm, HorizonSpec, RasterDtm
 from terrain_forge.model import (
@@ -211,7 +211,7 @@ class Recipe(Spec):
 
 def adapter() -> TypeAdapter[Recipe]:
     """Pydantic's view of the schema."""
-    return adapter_of(Recipe)
+    return type_adapter(Recipe)
 
 
 @checked

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import ExportError, StorageError, size_text
+from terrain_forge.base import ExportError, require_disk
 from terrain_forge.datasets import (
     checked_options,
     dataset_kind,
@@ -120,14 +119,8 @@ def _require_disk_space(
         spans = joined(tuple(span for each in work.spans.values() for span in each))
         taken.append(truth_footprint(int(within(times, spans).sum())))
         needed += sum(format_size(name, options, taken) for name, options in formats.items())
-    place = next(above for above in (store.folder, *store.folder.parents) if above.exists())
-    free = shutil.disk_usage(place).free + gained
-    if needed + _SPARE > free:
-        raise StorageError(
-            f"{store.folder} cannot be written: what is missing needs about "
-            f"{size_text(round(needed))} and {size_text(_SPARE)} to spare, the disk has "
-            f"{size_text(free)} free; record less by --only, --from, --to or --quick"
-        )
+    remedy = "; record less by --only, --from, --to or --quick"
+    require_disk(store.folder, needed, spare=_SPARE, gained=gained, remedy=remedy)
 
 
 def _size(folder: Path) -> int:

@@ -70,6 +70,6 @@ from .settling import place_rocks as place_rocks
 from .settling import settle as settle
 from .shapes.contact_sheet import SIZES as SIZES
 from .shapes.contact_sheet import render_contact_sheet as render_contact_sheet
-from .shapes.custom_mesh import files_of_mesh as files_of_mesh
 from .shapes.custom_mesh import read_rock_mesh as read_rock_mesh
 from .shapes.families import FAMILIES as FAMILIES
+from .shapes.mesh_companions import files_of_mesh as files_of_mesh

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -66,9 +67,7 @@ def merge_materials(tables: Iterable[tuple[Path, Window]], grid: TileGrid, path:
     for table, window in tables:
         with table.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        nodes = (window.rows + (window.row + window.rows == grid.rows)) * (
-            window.columns + (window.column + window.columns == grid.columns)
-        )
+        nodes = math.prod(grid.nodes(window))
         own = nodes * np.array([float(row[_SHARE]) for row in rows])
         shares, whole = own if whole == 0 else shares + own, whole + nodes
     for row, share in zip(rows, shares, strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -19,12 +18,12 @@ from terrain_forge.base import (
     OutputError,
     Progress,
     RecipeError,
-    RecipeWarning,
     Stopwatch,
     TerrainForgeError,
     dotted,
     resolved,
     silent,
+    warn_user,
 )
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
@@ -132,11 +131,9 @@ def _wide(height: float, spacing: float) -> float:
 def _warn_of_cliffs(steepest: float, border: float, enough: float) -> None:
     """Tell of borders that fall more steeply than they need to."""
     if steepest > STEEPEST:
-        warnings.warn(
+        warn_user(
             f"borders of {border:.3g} m between the worlds of the grid fall by up to "
-            f"{steepest:.0f}°: {enough:.3g} m would be gentler than {STEEPEST:g}°",
-            RecipeWarning,
-            stacklevel=4,
+            f"{steepest:.0f}°: {enough:.3g} m would be gentler than {STEEPEST:g}°"
         )
 
 
@@ -308,11 +305,9 @@ def _without_common(spec: WorldsSpec) -> WorldsSpec:
         if once is None:
             varied[name] = wish
         else:
-            warnings.warn(
+            warn_user(
                 f"worlds.vary.{name} is the same in all of a grid, which has one {dotted(once)}: "
-                "the recipe's",
-                RecipeWarning,
-                stacklevel=3,
+                "the recipe's"
             )
     return replace(spec, vary=varied)
 

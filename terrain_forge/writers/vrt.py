@@ -84,8 +84,7 @@ def _band(
 
 
 def _source(window: Window, grid: TileGrid, name: str, kind: str, band: int) -> str:
-    columns = window.columns + (window.column + window.columns == grid.columns)
-    rows = window.rows + (window.row + window.rows == grid.rows)
+    columns, rows = grid.nodes(window)
     top = grid.rows + 1 - (window.row + rows)
     return (
         f'    <SimpleSource><SourceFilename relativeToVRT="1">{name}'

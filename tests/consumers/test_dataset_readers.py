@@ -5,10 +5,8 @@ They are looked for beside the Python that TERRAIN_FORGE_SLAM_PYTHON names.
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,14 +31,6 @@ for path in map(Path, sys.argv[1:]):
     told = [(p.row, p.col) for p in scans[0].points if p.x or p.y or p.z]
     print(len(scans), samples, *(f"{row}:{column}" for row, column in told))
 """
-
-
-@pytest.fixture(scope="module")
-def python():
-    named = os.environ.get("TERRAIN_FORGE_SLAM_PYTHON", "")
-    if not Path(named).is_file():
-        pytest.skip("TERRAIN_FORGE_SLAM_PYTHON names no Python")
-    return Path(named)
 
 
 @pytest.fixture(scope="module")

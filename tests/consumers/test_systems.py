@@ -6,10 +6,8 @@ They are looked for in the environment of the Python that TERRAIN_FORGE_SLAM_PYT
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -41,14 +39,6 @@ RECIPE = {
     "dataset": {"still_s": 0.5, "ramp_s": 0.5},
 }  # fmt: skip
 SYSTEMS = {"kiss-icp": "kiss_icp", "genz-icp": "evalio", "loam": "evalio"}
-
-
-@pytest.fixture(scope="module")
-def python():
-    named = os.environ.get("TERRAIN_FORGE_SLAM_PYTHON", "")
-    if not Path(named).is_file():
-        pytest.skip("TERRAIN_FORGE_SLAM_PYTHON names no Python")
-    return Path(named)
 
 
 @pytest.fixture(scope="module")

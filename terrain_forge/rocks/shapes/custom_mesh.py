@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import (
-    MAX_MESH,
     Array,
     DataError,
     Key,
-    lies_within,
-    require_file,
     require_gltf,
 )
 from terrain_forge.model import Mesh
 from terrain_forge.rocks.shapes.collision import manifold, unite
+from terrain_forge.rocks.shapes.mesh_companions import GLTF, Beside, files_of_mesh
 from terrain_forge.rocks.shapes.shapes import projections
 from terrain_forge.rocks.shapes.solid import cuts_itself, signed_volume
 
@@ -40,7 +33,6 @@ LARGEST_HOLE = 0.02
 ALL_HOLES = 0.05
 """Part of a mesh's area that all its holes together may have, at most."""
 
-_Y_UP = (".glb", ".gltf")
 _MOST_NUMBERS = 200 * MOST_FACES  # of a glTF, so that none is read that has far more faces
 _COARSEST = 1 / 16  # of an edge of middling length: steps of the coordinates
 _SAME_PLACE = 1e-7  # of the largest extent
@@ -93,9 +85,9 @@ def _load(path: Path) -> tuple[Array, Faces, list[str]]:
     import trimesh
 
     try:
-        if kind in _Y_UP:
+        if kind in GLTF:
             require_gltf(path.read_bytes(), most=_MOST_NUMBERS)
-        beside: Any = _Beside(path.parent, frozenset(files_of_mesh(path)))
+        beside: Any = Beside(path.parent, frozenset(files_of_mesh(path)))
         loaded: Any = trimesh.load(path, process=False, resolver=beside)
         points, faces, textured = _joined(loaded)
     except Refused:
@@ -108,68 +100,9 @@ def _load(path: Path) -> tuple[Array, Faces, list[str]]:
         raise Refused(unreadable)
     used = points[np.unique(faces)]
     points = points - 0.5 * (used.min(axis=0) + used.max(axis=0))
-    if kind in _Y_UP:
+    if kind in GLTF:
         points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
     return points, faces, [*notes, *(["its texture is not used"] if textured else [])]
-
-
-def files_of_mesh(path: Path) -> tuple[Path, ...]:
-    """Files that a mesh file names and that are there: materials, textures, buffers.
-
-    They lie in its folder or below, links followed; others it may not name.
-    """
-    if not path.is_file() or path.stat().st_size > MAX_MESH:
-        return ()
-    kind, content, named = path.suffix.lower(), path.read_bytes(), list[str]()
-    if kind == ".obj":
-        named = _words(content, "mtllib")
-        for file in _below(path, named):
-            if file.stat().st_size <= MAX_MESH:
-                named += [words.split()[-1] for words in _words(file.read_bytes(), "map_")]
-    elif kind in _Y_UP:
-        if kind == ".glb":
-            content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
-        with suppress(ValueError, TypeError, AttributeError, RecursionError):
-            tree = json.loads(content)
-            parts = [*tree.get("buffers", ()), *tree.get("images", ())]
-            uris = [str(part["uri"]) for part in parts if "uri" in part]
-            named = [unquote(uri) for uri in uris if not uri.startswith("data:")]
-    return _below(path, named)
-
-
-def _below(path: Path, names: Iterable[str]) -> tuple[Path, ...]:
-    """Those of some files beside a mesh that are there, in its folder or below."""
-    found, folder = [], [path.parent.resolve()]
-    for file in (path.parent / name for name in dict.fromkeys(names)):
-        with suppress(OSError, RuntimeError, ValueError):  # names that no file can have
-            found += [file] if lies_within(file, folder) and file.is_file() else []
-    return tuple(found)
-
-
-def _words(content: bytes, start: str) -> list[str]:
-    """What follows in the lines of a text that start so, any case."""
-    lines = (line.split(None, 1) for line in content.decode("utf-8", "replace").splitlines())
-    return [
-        words[1].strip() for words in lines if len(words) > 1 and words[0].lower().startswith(start)
-    ]
-
-
-@dataclass(frozen=True)
-class _Beside:
-    """Lets trimesh read what a mesh names, but for textures, which are not used."""
-
-    folder: Path
-    files: frozenset[Path]
-
-    def get(self, name: str) -> bytes:
-        """The content of a file."""
-        path = self.folder / unquote(name)
-        if path not in self.files or path.suffix.lower() not in (".mtl", ".bin"):
-            raise FileNotFoundError(path.name)
-        require_file(path, path.name, (), most=MAX_MESH)
-        return path.read_bytes()
-
-    __getitem__ = get
 
 
 def _joined(loaded: Any) -> tuple[Array, Faces, bool]:

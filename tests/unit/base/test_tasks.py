@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-import terrain_forge.base.tasks as tasks
+import terrain_forge.base.cluster as clusters
 from terrain_forge.base import OutputError, RecipeError, run_tasks
 
 
@@ -69,8 +69,10 @@ def test_a_cluster_gives_the_same(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_workers_of_another_version_are_refused(tmp_path: Path, monkeypatch: Any) -> None:
     pytest.importorskip("distributed")
-    there = tasks.software
-    monkeypatch.setattr(tasks, "software", Elsewhere({**there(), "terrain-forge": "0.0.1"}, there))
+    there = clusters.software
+    monkeypatch.setattr(
+        clusters, "software", Elsewhere({**there(), "terrain-forge": "0.0.1"}, there)
+    )
     with pytest.raises(OutputError, match=r"worker tcp://.* this machine terrain-forge 0\.0\.1"):
         next(run_tasks(partial(work, tmp_path), [1], workers=1, scheduler="local"))
 
@@ -85,7 +87,7 @@ class Elsewhere:
         return self.here
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return getattr, (tasks, "software")
+        return getattr, (clusters, "software")
 
 
 @pytest.mark.slow
@@ -141,8 +143,8 @@ def test_a_worker_of_another_version_that_joins_later_is_refused(
 ) -> None:
     done = run_tasks(slowly, range(20), scheduler=cluster.scheduler_address)
     next(done)
-    there = {**tasks.software(), "rasterio": "0.0.1"}
-    monkeypatch.setattr(tasks, "software", lambda: there)
+    there = {**clusters.software(), "rasterio": "0.0.1"}
+    monkeypatch.setattr(clusters, "software", lambda: there)
     with pytest.raises(OutputError, match=r"worker .* rasterio 0\.0\.1.*: install the same"):
         list(done)
 
@@ -152,7 +154,7 @@ def test_a_worker_of_another_version_that_joins_later_is_refused(
 def test_a_cluster_that_lost_all_its_workers_is_waited_for_a_while(
     cluster: Any, monkeypatch: Any, caplog: Any
 ) -> None:
-    monkeypatch.setattr(tasks, "PATIENCE", 5.0)
+    monkeypatch.setattr(clusters, "PATIENCE", 5.0)
     done = run_tasks(slowly, range(20), scheduler=cluster.scheduler_address)
     next(done)
     cluster.scale(0)

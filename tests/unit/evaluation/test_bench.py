@@ -23,8 +23,9 @@ from terrain_forge.evaluation import (
     known_systems,
     result_lines,
 )
-from terrain_forge.evaluation.bench import sensor_places, truth_of
+from terrain_forge.evaluation.bench import truth_of
 from terrain_forge.evaluation.catalogue import read_system, with_binaries
+from terrain_forge.evaluation.needs import sensor_places
 from terrain_forge.evaluation.paper import paper_figure
 from tests.helpers import command_line
 from tests.helpers.recordings import write_recording
@@ -409,7 +410,7 @@ def test_a_disk_without_room_for_an_input_is_told_at_once(dataset, system, kind,
         monkeypatch.setattr(shutil, "disk_usage", lambda _, usage=usage: usage)
         (one,) = evaluate_recording(dataset, [find_system(told)])
         assert one.run.status == ("lost" if room else "failed"), one.run.why
-        assert (": it needs about " in one.run.why) != room
+        assert (": what is missing needs about " in one.run.why) != room
 
 
 def test_all_may_be_given_more_time_or_less(dataset, system):
