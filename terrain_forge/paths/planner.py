@@ -17,7 +17,12 @@ from terrain_forge.paths.lattice import GridPath, bend, cheapest_path, straighte
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.plan import as_route
 from terrain_forge.paths.spec import PathSpec, Planned
-from terrain_forge.paths.traversability_field import IMPASSABLE, UNKNOWN, Traversability
+from terrain_forge.paths.traversability_field import (
+    IMPASSABLE,
+    UNKNOWN,
+    Traversability,
+    border_width,
+)
 
 Weight = NDArray[np.float32]
 Place = tuple[float, float]
@@ -32,6 +37,7 @@ MOST_NODES = 1100
 """Rows or columns of the grid that is searched first; larger ones are coarsened."""
 LINE_STEP = 0.25
 """Distance of the points of the line that is smoothed [m]."""
+OVER_BORDER = "the rover would stand out over the border of the terrain"
 KNOTS = (4, 2, 1)
 """Every how many of them the spline goes through; more of them where it would touch something."""
 
@@ -63,6 +69,22 @@ def plan_path(
     return smooth_route(spec, line, (0.5 * rover.width + route.margin_m, turning), rover, key)
 
 
+def require_room(
+    route: Planned, *, size: tuple[float, float], spacing: float, rover: Rover, key: Key
+) -> None:
+    """Refuse places at the border of the terrain, which is known before the ground.
+
+    Raises:
+        RecipeError: says which.
+    """
+    border = border_width(rover, spacing)
+    for name, place in route.stops:
+        for coordinate, length in zip(place, size, strict=True):
+            node, last = round((coordinate + 0.5 * length) / spacing), round(length / spacing)
+            if not border <= node <= last - border:
+                raise RecipeError(_at(place, OVER_BORDER), key=(*key, "route", name))
+
+
 def require_free(
     route: Planned, field_at: Callable[[Place], Traversability], *, rover: Rover, key: Key
 ) -> float:
@@ -76,8 +98,12 @@ def require_free(
     for name, place in route.stops:
         reason = blocked_by(field_at(place), place, needed if name == "via_m" else turning)
         if reason:
-            raise RecipeError(f"({place[0]:g}, {place[1]:g}) m: {reason}", key=(*key, name))
+            raise RecipeError(_at(place, reason), key=(*key, name))
     return turning
+
+
+def _at(place: Place, reason: str) -> str:
+    return f"({place[0]:g}, {place[1]:g}) m: {reason}"
 
 
 def smooth_route(
@@ -135,7 +161,7 @@ def blocked_by(field: Traversability, place: Place, needed: float) -> str:
     rows, columns = field.cost.shape
     inside = 0 <= row < rows and 0 <= column < columns
     if not inside or field.cost[row, column] == UNKNOWN:
-        return "the rover would stand out over the border of the terrain"
+        return OVER_BORDER
     node = places_of(field, np.array([(column, row)]))[0]
     away = np.minimum(*(field.obstacles.distances(point) for point in (np.array(place), node)))
     if len(away) and away.min() < needed:

@@ -19,7 +19,7 @@ from terrain_forge.model import (
     Window,
 )
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
-from terrain_forge.paths.planner import plan_path
+from terrain_forge.paths.planner import plan_path, require_room
 from terrain_forge.paths.recorded import read_recorded
 from terrain_forge.paths.spec import PathSpec, Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
@@ -40,18 +40,20 @@ def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]
     Raises:
         RecipeError, DataError: for a route that cannot be driven or leaves the site.
     """
-    driven, routes = recipe.driven_path, []
+    driven, routes, size = recipe.driven_path, [], recipe.dtm.size_m
+    spacing = recipe.terrain.spacing_m
     if driven is not None or not isinstance(recipe.rover, str):
-        require_ground(rover, spacing=recipe.terrain.spacing_m)
+        require_ground(rover, spacing=spacing)
     for number, path in enumerate(recipe.paths):
         key, recorded = ("paths", number), None
         if isinstance(path.route, Planned):
+            require_room(path.route, size=size, spacing=spacing, rover=rover, key=key)
             continue
         if isinstance(path.route, Recorded):
             recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
         here = path.name == driven
         route = plan_route(path, rover=rover, driven=here, recorded=recorded, key=key)
-        require_inside(route, size=recipe.dtm.size_m, rover=rover, key=key)
+        require_inside(route, size=size, rover=rover, key=key)
         require_samples(route, rate=path.rate_hz, key=key)
         routes.append(route)
     return tuple(routes)

@@ -102,7 +102,7 @@ def traversability(
     solid = rocks.select(rocks.collides)
     radii = 0.5 * solid.diameter / spacing + 0.5
     _stamp_heights(step, _columns_and_rows(solid.position, ground), radii, solid.height)
-    widest, border = known_within(rover, spacing), reaches[-1]
+    widest, border = known_within(rover, spacing), border_width(rover, spacing)
     margins = tuple(widest if cut else border for cut in cut_sides)
     return Traversability(
         origin=ground.origin,
@@ -124,9 +124,14 @@ def _reaches(rover: Rover, spacing: float) -> tuple[int, int, int]:
     return footprint, lag, max(footprint, 2 * lag, math.ceil(half_diagonal(rover) / spacing))
 
 
+def border_width(rover: Rover, spacing: float) -> int:
+    """How far from the edge of the world the cost is unknown [cells]."""
+    return _reaches(rover, spacing)[-1]
+
+
 def known_within(rover: Rover, spacing: float) -> int:
     """How far from a side beyond which the world goes on the cost is known [cells]."""
-    return _reaches(rover, spacing)[-1] + math.ceil(2.0 * half_diagonal(rover) / spacing)
+    return border_width(rover, spacing) + math.ceil(2.0 * half_diagonal(rover) / spacing)
 
 
 def wheel_reach(rover: Rover, spacing: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,11 +14,13 @@ from scipy.sparse.csgraph import dijkstra
 
 from terrain_forge import World, plan, realise
 from terrain_forge.base import RecipeError
+from terrain_forge.making import draft
 from terrain_forge.model import Heightfield, Window
 from terrain_forge.paths import PathSpec, Planned, plan_path, planner, survey_paths, traversability
 from terrain_forge.paths.lattice import MOVES, bend, cheapest_path, straighten
 from terrain_forge.paths.obstacles import Obstacles, half_diagonal
 from terrain_forge.paths.planner import node_weights
+from terrain_forge.paths.traversability_field import UNKNOWN
 from terrain_forge.recipe.schema import adapter
 from terrain_forge.rovers import find_rover
 from terrain_forge.validation.checks.paths import Paths
@@ -248,6 +251,21 @@ def test_rocks_stay_as_they_are_without_the_planned_path(world):
     recipe = planned_recipe()
     without = replace(recipe, paths=recipe.paths[1:])
     assert realise(plan(without)).field == world.field
+
+
+def test_places_at_the_border_are_refused_before_the_ground(world):
+    field = traversability(
+        ground=world.ground, rocks=world.field, library=world.library, rover=ROVER
+    )
+    far = 0.5 * world.site.size[0]
+    met = set()
+    for x in np.linspace(far - 3.0, far, 61).round(3).tolist():
+        unknown = bool(field.cost[field.node((x, 0.0))] == UNKNOWN)
+        met.add(unknown)
+        route = {"kind": "planned", "start_m": [-8.0, 0.0], "goal_m": [x, 0.0]}
+        with pytest.raises(RecipeError, match="over the border") if unknown else nullcontext():
+            draft(planned_recipe(route=route))
+    assert met == {False, True}
 
 
 def path_checks(world):
