@@ -38,7 +38,7 @@ from terrain_forge.scene import (
     tones,
 )
 from terrain_forge.scene import Rover as Passing
-from terrain_forge.terrain import shape_horizon
+from terrain_forge.terrain import Border, shape_horizon
 from terrain_forge.writers import write_png
 
 FRAMES = 24
@@ -222,7 +222,7 @@ def _around(world: World, places: Array, reach: float) -> Subject:
     looks = world.appearance.replace(
         ground_rgb=rgb, material=None if material is None else material[nodes], drift=None
     )
-    beyond = shape_horizon(site=world.site, ground=part, appearance=looks, layers=(), reach=None)
+    beyond = shape_horizon(site=world.site, border=Border.of(part, looks), layers=(), reach=None)
     return subject.replace(
         ground=part,
         ground_rgb=rgb,

@@ -1,5 +1,6 @@
 """From a recipe to a Site, from a Site to a World."""
 
+from .horizon import horizon_around as horizon_around
 from .horizon import make_horizon as make_horizon
 from .lighting import light_at as light_at
 from .lighting import light_of as light_of

@@ -10,7 +10,7 @@ from terrain_forge.base import linear_from_srgb, srgb_from_linear
 from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, RockLibrary, Site
 from terrain_forge.rocks import rocks_beyond
 from terrain_forge.scene import dust_on, soil_of, tints_of
-from terrain_forge.terrain import heights_beyond, shape_horizon
+from terrain_forge.terrain import Border, heights_beyond, shape_horizon
 from terrain_forge.writers import vertex_normals
 
 
@@ -25,14 +25,18 @@ def make_horizon(
         appearance: The world's colours.
         library: The world's rock shapes.
     """
-    recipe = site.recipe
+    return horizon_around(site, Border.of(ground, appearance), library)
+
+
+def horizon_around(site: Site, border: Border, library: RockLibrary) -> Horizon | None:
+    """As `make_horizon`, of a world whose ground along its border is known."""
+    recipe, appearance = site.recipe, border.looks[0]
     spec, populations = recipe.horizon, recipe.rocks.populations
     if spec.reach_m == 0.0:
         return None
     land = shape_horizon(
         site=site,
-        ground=ground,
-        appearance=appearance,
+        border=border,
         layers=recipe.terrain.layers,
         reach=spec.reach_m,
     )
@@ -43,10 +47,10 @@ def make_horizon(
         site=site,
         populations=populations,
         library=library,
-        bounds=ground.bounds,
+        bounds=border.bounds,
         width=width,
         reach=land.reach,
-        height_at=partial(heights_beyond, ground, land),
+        height_at=partial(heights_beyond, border, land),
     )
     normals = vertex_normals(rocks.mesh.vertices, rocks.mesh.faces)
     bare = linear_from_srgb(appearance.rock_rgb / 255.0)[:, None, :]

@@ -20,6 +20,8 @@ from .cratering.productions.table import CraterTable as CraterTable
 from .detail import DetailSpec as DetailSpec
 from .detail import ground_detail as ground_detail
 from .ground import shape_ground as shape_ground
+from .horizon.border import Border as Border
+from .horizon.border import joined_strips as joined_strips
 from .horizon.heights import shape_horizon as shape_horizon
 from .horizon.places import heights_beyond as heights_beyond
 from .layer import Layer as Layer

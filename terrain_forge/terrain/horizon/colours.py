@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.model import Appearance, Site
+from terrain_forge.terrain.horizon.border import Border
 from terrain_forge.terrain.horizon.rings import Ring
 from terrain_forge.terrain.masks import Mask, fade, mask_weight_at, weight_by_place
 from terrain_forge.terrain.materials import MaterialSpec, patch_ranks
@@ -32,24 +33,30 @@ _SWAPPED = np.array([[0.0, 1.0], [1.0, 0.0]])
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0)
 
 
-def regolith_colour(appearance: Appearance) -> Array:
-    """Mean linear colour of a site's regolith, drifts at rocks and all, shape [3]."""
-    rgb, material = appearance.ground_rgb.reshape(-1, 3), appearance.material
-    if material is not None:
-        bare = material.ravel() == 0
-        if np.count_nonzero(bare) < _LEAST * bare.size:
-            return np.asarray(linear_from_srgb(appearance.materials[0].rgb))
-        rgb = rgb[bare]
-    counts = [np.bincount(rgb[:, band], minlength=256) for band in range(3)]
-    return np.array([math.fsum(count * _LINEAR) for count in counts]) / len(rgb)
+def regolith_colour(*parts: Appearance) -> Array:
+    """Mean linear colour of the regolith on parts of a site, drifts and all, shape [3]."""
+    rgb = [looks.ground_rgb.reshape(-1, 3) for looks in parts]
+    if parts[0].material is not None:
+        bare = [looks.material.ravel() == 0 for looks in parts if looks.material is not None]
+        found = sum(int(np.count_nonzero(one)) for one in bare)
+        if found < _LEAST * sum(one.size for one in bare):
+            return np.asarray(linear_from_srgb(parts[0].materials[0].rgb))
+        rgb = [colours[one] for colours, one in zip(rgb, bare, strict=True)]
+    counts = [
+        sum(np.bincount(colours[:, band], minlength=256) for colours in rgb) for band in range(3)
+    ]
+    total = sum(len(colours) for colours in rgb)
+    return np.array([math.fsum(count * _LINEAR) for count in counts]) / total
 
 
-def tinted(site: Site, appearance: Appearance) -> Appearance:
-    """The looks without materials where they have no colour: an orthoimage of three bands has."""
+def tinted(site: Site, border: Border) -> Border:
+    """Looks without materials where they have no colour: an orthoimage of three bands has."""
     picture = site.orthoimage
     if picture is None or picture.albedo.shape[2] == 1:
-        return appearance
-    return appearance.replace(material=None)
+        return border
+    plain = {id(looks): looks.replace(material=None) for looks in border.different_looks}
+    south, east, north, west = (plain[id(looks)] for looks in border.looks)
+    return replace(border, looks=(south, east, north, west))
 
 
 def material_tints(appearance: Appearance) -> Array:
@@ -62,7 +69,7 @@ def tints_beyond(
     rings: list[Ring],
     *,
     site: Site,
-    appearance: Appearance,
+    border: Border,
     side: float,
     height_at: Callable[[Array, Array], Array],
 ) -> Array:
@@ -71,11 +78,11 @@ def tints_beyond(
     Args:
         rings: The rings, the first on the border.
         site: The site.
-        appearance: Its colours and materials.
+        border: Its border.
         side: The shorter side of the world [m]; over about so much the materials fade.
         height_at: Heights [m] at places east and north [m], within the world and beyond.
     """
-    tints, shares = material_tints(appearance), _shares(appearance.material, appearance.materials)
+    tints, shares = material_tints(border.looks[0]), _shares(border.different_looks)
     found = []
     for last, ring in pairwise([rings[0], *rings]):
         tint = np.ones((len(ring.points), 3))
@@ -87,11 +94,14 @@ def tints_beyond(
     return np.concatenate(found)
 
 
-def _shares(material: NDArray[np.uint8] | None, materials: tuple[object, ...]) -> list[float]:
+def _shares(parts: tuple[Appearance, ...]) -> list[float]:
     """Part of the site that each material covers where none of the later ones lies."""
-    if material is None:
-        return [1.0] + [0.0] * (len(materials) - 1)
-    counts = np.bincount(material.ravel(), minlength=len(materials)).astype(np.int64)
+    kinds, counts = len(parts[0].materials), np.zeros(len(parts[0].materials), np.int64)
+    for looks in parts:
+        if looks.material is not None:
+            counts += np.bincount(looks.material.ravel(), minlength=kinds)
+    if not counts.any():
+        return [1.0] + [0.0] * (kinds - 1)
     below = np.cumsum(counts)
     return [int(n) / max(int(m), 1) for n, m in zip(counts, below, strict=True)]
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import Array, linear_from_srgb, portable, srgb_from_linear
 from terrain_forge.dtm import far_heights
-from terrain_forge.model import Appearance, Heightfield, Horizon, Mesh, Site
+from terrain_forge.model import Horizon, Mesh, Site
+from terrain_forge.terrain.horizon.border import Border
 from terrain_forge.terrain.horizon.colours import (
     material_tints,
     regolith_colour,
@@ -47,8 +46,7 @@ _RUNOUT = 0.1
 def shape_horizon(
     *,
     site: Site,
-    ground: Heightfield,
-    appearance: Appearance,
+    border: Border,
     layers: tuple[Layer, ...],
     reach: float | None,
 ) -> Horizon:
@@ -56,29 +54,28 @@ def shape_horizon(
 
     Args:
         site: The world's site.
-        ground: The world's ground.
-        appearance: Its colours and materials.
+        border: The world's ground along its border, and its looks.
         layers: The recipe's layers.
         reach: How far it goes on [m]; None for the true horizon.
     """
-    appearance = tinted(site, appearance)
-    rings = rings_around(ground, _reach(site, ground) if reach is None else reach)
-    heights, linear, weight = _values(site, ground, appearance, layers, rings)
+    border = tinted(site, border)
+    rings = rings_around(border, _reach(site, border) if reach is None else reach)
+    heights, linear, weight = _values(site, border, layers, rings)
     vertices = np.column_stack([np.concatenate([ring.points for ring in rings]), heights])
-    if appearance.material is not None:
+    if border.material() is not None:
         linear *= tints_beyond(
             rings,
             site=site,
-            appearance=appearance,
-            side=min(_sides(ground)),
-            height_at=partial(_height_anywhere, ground, rings, vertices),
+            border=border,
+            side=min(_sides(border)),
+            height_at=partial(_height_anywhere, border, rings, vertices),
         )
     faces = ring_faces(rings)
     normals = vertex_normals(vertices, faces)
-    border = len(rings[0].points)
-    normals[:border] = _border_normals(ground)
+    count = len(rings[0].points)
+    normals[:count] = border.normals()
     rgb = np.round(255.0 * np.clip(srgb_from_linear(linear), 0.0, 1.0)).astype(np.uint8)
-    rgb[:border] = border_values(appearance.ground_rgb)
+    rgb[:count] = border.colours()
     starts = np.cumsum([0, *(len(ring.points) for ring in rings)])
     known = [
         ring.away
@@ -112,9 +109,9 @@ def _length(metres: float) -> str:
     return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.3g} m"
 
 
-def _reach(site: Site, ground: Heightfield) -> float:
+def _reach(site: Site, border: Border) -> float:
     """How far can be seen from 5 m above the site's relief [m], and hills beyond that."""
-    low, high = float(ground.elevation.min()), float(ground.elevation.max())
+    low, high = border.lowest, border.highest
     level = np.sqrt(2.0 * site.body.mean_radius * (_EYE + high - low))
     tops = [(float(f.heights.max()) - site.datum_height, f.reach) for f in site.surroundings]
     hills = np.sqrt(2.0 * site.body.mean_radius * max([0.0, *(top - low for top, _ in tops)]))
@@ -124,8 +121,7 @@ def _reach(site: Site, ground: Heightfield) -> float:
 
 def _values(
     site: Site,
-    ground: Heightfield,
-    appearance: Appearance,
+    border: Border,
     layers: tuple[Layer, ...],
     rings: list[Ring],
 ) -> tuple[Array, Array, Array]:
@@ -133,25 +129,25 @@ def _values(
 
     The colour is that of regolith, whatever materials lie there.
     """
-    border, sides = len(rings[0].points), _sides(ground)
-    inward = min(_INWARD, 0.5 * (min(ground.shape) - 1)) * ground.spacing
-    inner = ring_points(ground, rings[0].parts, -inward)
+    first, sides = len(rings[0].points), _sides(border)
+    inward = min(_INWARD, 0.5 * (min(border.shape) - 1)) * border.spacing
+    inner = ring_points(border, rings[0].parts, -inward)
     points = np.concatenate([inner, *(ring.points for ring in rings)])
     known, weight = far_heights(site, *points.T)
     known -= site.datum_height + _plane(site, points)
-    height = border_values(ground.elevation).astype(np.float64)
+    height = border.heights().astype(np.float64)
     level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
     going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
     relief = np.concatenate([_relief(going_on, ring) for ring in rings])
     within = _relief(going_on, replace(rings[0], points=inner))
-    inside = ground.height_at(*inner.T) - within - weight[:border] * known[:border]
-    known, weight, points = known[border:], weight[border:], points[border:]
-    bare = height - relief[:border]
-    slope = (bare - weight[:border] * known[:border] - inside) / inward
+    inside = border.height_at(*inner.T) - within - weight[:first] * known[:first]
+    known, weight, points = known[first:], weight[first:], points[first:]
+    bare = height - relief[:first]
+    slope = (bare - weight[:first] * known[:first] - inside) / inward
     linear = linear_from_srgb(np.arange(256) / 255.0)
-    colour, mean = linear[border_values(appearance.ground_rgb)], regolith_colour(appearance)
-    if appearance.material is not None:
-        colour = colour / material_tints(appearance)[border_values(appearance.material)]
+    colour, mean = linear[border.colours()], regolith_colour(*border.different_looks)
+    if (material := border.material()) is not None:
+        colour = colour / material_tints(border.looks[0])[material]
     states, start = [np.column_stack([bare, slope, colour])], 0
     for last, ring in pairwise(rings):
         step, count = ring.away - last.away, len(last.points)
@@ -170,33 +166,33 @@ def _values(
         colour = state[:, 2:5] + fade * (mean - state[:, 2:5])
         states.append(np.column_stack([found, slope, colour]))
     whole = np.concatenate(states)
-    west, south, east, north = ground.bounds
+    west, south, east, north = border.bounds
     off = points - np.clip(points, (west, south), (east, north))
     drop = (off * off).sum(axis=1) / (2.0 * site.body.mean_radius)
     heights = whole[:, 0] + relief - drop
-    heights[:border] = height
+    heights[:first] = height
     return heights, whole[:, 2:], weight
 
 
 def _height_anywhere(
-    ground: Heightfield, rings: list[Ring], vertices: Array, east: Array, north: Array
+    border: Border, rings: list[Ring], vertices: Array, east: Array, north: Array
 ) -> Array:
     """Heights of the ground [m] at places within a world and beyond, at most at the last ring."""
-    west, south, far_east, far_north = ground.bounds
+    west, south, far_east, far_north = border.bounds
     reach = rings[-1].away
     x, y = np.broadcast_arrays(
         np.clip(east, west - reach, far_east + reach),
         np.clip(north, south - reach, far_north + reach),
     )
-    inside = ground.covers(x, y)
+    inside = border.covers(x, y)
     heights = np.empty(x.shape)
-    heights[inside] = ground.height_at(x[inside], y[inside])
-    heights[~inside] = heights_on(rings, vertices, ground, x[~inside], y[~inside])
+    heights[inside] = border.height_at(x[inside], y[inside])
+    heights[~inside] = heights_on(rings, vertices, border, x[~inside], y[~inside])
     return heights
 
 
-def _sides(ground: Heightfield) -> tuple[float, float]:
-    west, south, east, north = ground.bounds
+def _sides(border: Border) -> tuple[float, float]:
+    west, south, east, north = border.bounds
     return east - west, north - south
 
 
@@ -239,22 +235,3 @@ def _relief(layers: list[Beyond], ring: Ring) -> Array:
 def _smoothed(values: Array) -> Array:
     """Values along a closed ring, their shortest waves gone."""
     return 0.25 * (np.roll(values, 1, axis=0) + np.roll(values, -1, axis=0)) + 0.5 * values
-
-
-def border_values(grid: NDArray[Any]) -> NDArray[Any]:
-    """Values of a grid at its border's nodes, counter-clockwise from the south-western corner."""
-    return np.concatenate([grid[0, :-1], grid[:-1, -1], grid[-1, :0:-1], grid[:0:-1, 0]])
-
-
-def _border_normals(ground: Heightfield) -> Array:
-    """Unit normals of the ground at its border's nodes, as the renderer takes them."""
-    z, spacing = ground.elevation, ground.spacing
-    strips = ((z[:2], 0), (z[:, -2:].T, 1), (z[-2:], 1), (z[:, :2].T, 0))  # S, E, N, W
-    slopes = []
-    for number, (strip, own) in enumerate(strips):
-        across, along = (part[own] for part in np.gradient(strip.astype(np.float64), spacing))
-        east, north = (along, across) if number % 2 == 0 else (across, along)
-        side = np.column_stack([-east, -north, np.ones(len(east))])
-        slopes.append(side[:-1] if number < 2 else side[:0:-1])
-    normals = np.concatenate(slopes)
-    return np.asarray(normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True)))

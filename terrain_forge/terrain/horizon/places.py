@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, Mask
-from terrain_forge.model import Heightfield, Horizon
-from terrain_forge.terrain.horizon.rings import Ring, partners, rings_around
+from terrain_forge.model import Horizon
+from terrain_forge.terrain.horizon.rings import Lattice, Ring, partners, rings_around
 
 
-def heights_beyond(
-    ground: Heightfield, horizon: Horizon, east: ArrayLike, north: ArrayLike
-) -> Array:
+def heights_beyond(ground: Lattice, horizon: Horizon, east: ArrayLike, north: ArrayLike) -> Array:
     """Heights of the triangulated ground under points beyond a world's edge [m].
 
     Args:
@@ -29,7 +27,7 @@ def heights_beyond(
 
 
 def heights_on(
-    rings: list[Ring], vertices: Array, ground: Heightfield, east: ArrayLike, north: ArrayLike
+    rings: list[Ring], vertices: Array, ground: Lattice, east: ArrayLike, north: ArrayLike
 ) -> Array:
     """As `heights_beyond`, of rings whose nodes' places and heights are known.
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array
-from terrain_forge.model import Heightfield
+from terrain_forge.model import Bounds
 
 _RINGS = (0, 1, 1, 2, 4)
 """Rings before their nodes are halved, from the border on; the last goes on."""
@@ -21,6 +22,35 @@ _FEWEST = 96
 """Cells along the shorter side below which nothing is halved any more."""
 _GROWTH = 0.12
 """Least distance of a ring from the last one, over that from the border."""
+
+
+class Lattice(Protocol):
+    """The nodes of a ground, wherever its heights are."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        ...
+
+    @property
+    def spacing(self) -> float:
+        """Their distance [m]."""
+        ...
+
+    @property
+    def bounds(self) -> Bounds:
+        """West, south, east, north edge [m]."""
+        ...
+
+    @property
+    def east(self) -> Array:
+        """East coordinates of the columns [m]."""
+        ...
+
+    @property
+    def north(self) -> Array:
+        """North coordinates of the rows [m]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -39,7 +69,7 @@ class Ring:
     """East and north [m], shape [nodes, 2]."""
 
 
-def rings_around(ground: Heightfield, reach: float) -> list[Ring]:
+def rings_around(ground: Lattice, reach: float) -> list[Ring]:
     """Rings around a ground, the first on its border, out to a distance from it [m]."""
     rows, columns = ground.shape
     west, south, east, north = ground.bounds
@@ -67,7 +97,7 @@ def rings_around(ground: Heightfield, reach: float) -> list[Ring]:
     return rings
 
 
-def border_points(ground: Heightfield) -> Array:
+def border_points(ground: Lattice) -> Array:
     """East and north of the border's nodes [m], counter-clockwise from the south-west."""
     (rows, columns), east, north = ground.shape, ground.east, ground.north
     return np.concatenate(
@@ -80,7 +110,7 @@ def border_points(ground: Heightfield) -> Array:
     )
 
 
-def ring_points(ground: Heightfield, parts: tuple[Array, ...], away: float) -> Array:
+def ring_points(ground: Lattice, parts: tuple[Array, ...], away: float) -> Array:
     """Nodes at some distance from the border [m], shape [nodes, 2]; a negative one is within."""
     west, south, east, north = ground.bounds
     west, south, east, north = west - away, south - away, east + away, north + away
