@@ -2,6 +2,7 @@
 
     OUT/glb/tileset.json                     boxes in boxes, down to the tiles
     OUT/glb/tileset_ROW_COLUMN.json          parts of it, where there are many tiles
+    OUT/glb/horizon.glb                      what lies beyond the site, in the tileset's frame
     OUT/tiles/ROW/COLUMN/glb/LEVEL.glb       sixteenth, quarter, full: each takes the other's place
 
 Contents count from their tile's anchor; the tile's `transform` puts them into the site's frame,
@@ -29,6 +30,7 @@ from terrain_forge.geometry import (
     grid_texture_coordinates,
     ground_levels,
     grouped,
+    horizon_losses,
     level_of_detail,
     mean_rock_colour,
     merge_in_parts,
@@ -38,14 +40,24 @@ from terrain_forge.geometry import (
     untiled_losses,
     vertex_dust,
 )
-from terrain_forge.model import BuiltTile, Mesh, RockField, Tile, TiledSite, TileGrid, World
+from terrain_forge.model import (
+    BuiltTile,
+    Horizon,
+    Mesh,
+    RockField,
+    Tile,
+    TiledSite,
+    TileGrid,
+    World,
+)
 from terrain_forge.writers import Gltf, encode_png, vertex_normals
 
-from .ground import Z_UP_TO_Y_UP, matt
+from .ground import Z_UP_TO_Y_UP, SharedParts, matt
 from .options import Options
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
+HORIZON = "horizon.glb"
 _BLOCK = 16
 """Tiles each way of which a tileset has a file of its own, where there are more."""
 Box = tuple[Array, Array]
@@ -138,15 +150,20 @@ def _write_level(
             mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
             nodes.append({"name": name, "mesh": mesh})
             boxes.append(_box(vertices))
-        root = {"rotation": Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
-        gltf.write(
-            path,
-            nodes=map(json.dumps, [root, *nodes]),
-            asset={"version": "2.0", "generator": "terrain-forge"},
-            scene=0,
-            scenes=[{"nodes": [0]}],
-        )
+        _write_asset(gltf, path, nodes)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def _write_asset(gltf: Gltf, path: Path, nodes: list[dict[str, Any]]) -> None:
+    """Write meshes of nodes whose z axis is up."""
+    root = {"rotation": Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
+    gltf.write(
+        path,
+        nodes=map(json.dumps, [root, *nodes]),
+        asset={"version": "2.0", "generator": "terrain-forge"},
+        scene=0,
+        scenes=[{"nodes": [0]}],
+    )
 
 
 def _merged(
@@ -164,7 +181,10 @@ def _box(vertices: NDArray[Any]) -> Box:
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
-    """Write tileset.json; returns what is lost."""
+    """Write tileset.json, and what lies beyond the site; returns what is lost."""
+    horizon = tiled.world.horizon
+    if shown := options.horizon and horizon is not None:
+        _write_horizon(horizon, directory / HORIZON)
     by_place = {(tile.row, tile.column): tile for tile in tiled.tiles}
     many = max(tiled.grid.across, tiled.grid.up) > _BLOCK
     root = _node(by_place, tiled.grid, (0, tiled.grid.up), (0, tiled.grid.across), directory, many)
@@ -174,14 +194,27 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         for name, error in tile.figures["errors"].items():
             errors[name] = max(errors.get(name, 0.0), error)
     told = ", ".join(f"{name} {error:.2g} m" for name, error in errors.items())
-    return (
+    losses = [
         f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
         "Soil and rocks have no maps of fine normals, and rocks one colour for each population.",
         *untiled_losses(close=options.close_within_m > 0.0, pebbles=options.pebbles_min_m > 0.0),
         "The tileset lies in the site's own frame, not on a globe.",
-    )
+        *horizon_losses(horizon, shown=shown),
+    ]
+    if shown:
+        losses.append(f"It is in {HORIZON}, in the tileset's frame; viewers frame all of that.")
+    return tuple(losses)
+
+
+def _write_horizon(horizon: Horizon, path: Path) -> None:
+    """Write what lies beyond the site, which a viewer adds to the tileset as it is."""
+    with TemporaryFile(dir=path.parent) as binary:
+        gltf = Gltf(binary)
+        piece = SharedParts(gltf, None).beyond(horizon)
+        gltf.add("meshes", {"name": "horizon", "primitives": [piece]})
+        _write_asset(gltf, path, [{"name": "horizon", "mesh": 0}])
 
 
 def _write(path: Path, root: dict[str, Any]) -> None:

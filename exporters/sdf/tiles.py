@@ -21,6 +21,7 @@ from terrain_forge.geometry import (
     coarse_shape,
     collision_losses,
     finest_texture,
+    horizon_losses,
     shifted,
     tile_anchor,
 )
@@ -30,7 +31,7 @@ from terrain_forge.writers import Lines, element, file_name, leaves
 from .model import Model
 from .options import Options
 from .scenery import write_world
-from .writing import ground_surface
+from .writing import ground_surface, write_horizon
 
 _SHAPES = "rock_shapes"
 _HEADROOM = 20.0
@@ -106,8 +107,8 @@ def _rounded(world: World, step: float) -> World:
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
-    """Write world.sdf; returns what is lost."""
-    name = file_name(tiled.site.name)
+    """Write world.sdf and what lies beyond the site; returns what is lost."""
+    name, horizon = file_name(tiled.site.name), tiled.world.horizon
     includes: list[Lines] = []
     levels: list[Lines] = []
     buffer = 0.5 * tiled.grid.cells * tiled.site.spacing
@@ -120,13 +121,23 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         level = f"level_{tile.row:03}_{tile.column:03}"
         more = leaves(buffer=buffer, ref=told["name"])
         levels.append(element("level", *leaves(pose=pose), box, *more, name=level))
+    if shown := options.horizon and horizon is not None:
+        address = f"{directory.name}/horizon"
+        beyond = _model(directory / "horizon", address, f"{name}_horizon", options)
+        write_horizon(horizon, beyond, title=f"{tiled.site.name}: horizon", options=options)
+        includes.append(
+            element(
+                "include",
+                *leaves(uri=f"model://{address}", name=beyond.name, pose=(0, 0, 0, 0, 0, 0)),
+            )
+        )
     plugin = element("plugin", *levels, name="gz::sim", filename="dummy")
     model = _model(directory, "", name, options)
     write_world(
         directory / "world.sdf", tiled.world, name=name, models=[model],
         movers=[*includes, plugin], sensing=False, included=False,
     )  # fmt: skip
-    return tuple(_losses(tiled, options))
+    return (*_losses(tiled, options), *horizon_losses(horizon, shown=shown))
 
 
 def _losses(tiled: TiledSite, options: Options) -> list[str]:

@@ -87,7 +87,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         beyond = Model(
             folder=directory / f"models/{name}_horizon", classic=classic, version=options.version
         )
-        _write_horizon(world.horizon, beyond, title=f"{world.site.name}: horizon", options=options)
+        write_horizon(world.horizon, beyond, title=f"{world.site.name}: horizon", options=options)
         included.append(beyond)
     actors = _actors(world, options, models=models)
     dynamic = rocks.dynamic_rocks(world, rock_model, close=close)
@@ -103,7 +103,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 
 
-def _write_horizon(horizon: Horizon, model: Model, *, title: str, options: Options) -> None:
+def write_horizon(horizon: Horizon, model: Model, *, title: str, options: Options) -> None:
     """Write the model of what lies beyond the border: a visual without a collision."""
     shown, picture = horizon_surface(horizon)
     file = f"meshes/horizon.{'glb' if options.binary else 'obj'}"

@@ -26,6 +26,7 @@ from terrain_forge.geometry import (
     grid_texture_coordinates,
     ground_levels,
     grouped,
+    horizon_losses,
     level_of_detail,
     rock_texture,
     rocks_error,
@@ -38,12 +39,12 @@ from terrain_forge.rocks import seen_close
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, bind_faces, label_craters, shown_craters
+from .ground import DETAIL, bind_faces, label_craters, shown_craters, write_horizon
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
 from .rocks import define_instancer, define_rock_look, write_library, write_rock_maps, write_rocks
-from .writing import define_world, write_sky
+from .writing import define_parts, define_world, write_sky
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
@@ -178,10 +179,13 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
-    """Write world.usda; returns what is lost."""
-    path = directory / "world.usda"
+    """Write world.usda and what lies beyond the site; returns what is lost."""
+    path, horizon = directory / "world.usda", tiled.world.horizon
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
     define_world(stage, tiled.world, options.lights)
+    if shown := options.horizon and horizon is not None:
+        write_horizon(horizon, tiled.world.appearance.detail, directory / "assets")
+        define_parts(stage, "Horizon", ["horizon"])
     group = UsdGeom.Xform.Define(stage, f"/{ROOT}/Tiles").GetPrim()
     Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
     layer = stage.GetRootLayer()
@@ -194,7 +198,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
             prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
             prim.variantSelections["lod"] = [*LEVELS][-1]
     layer.Save()
-    return tuple(_losses(tiled, options))
+    return (*_losses(tiled, options), *horizon_losses(horizon, shown=shown))
 
 
 def _losses(tiled: TiledSite, options: Options) -> list[str]:

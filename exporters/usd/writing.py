@@ -87,12 +87,17 @@ def _write_world(path: Path, world: World, parts: dict[str, list[str]], options:
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
     define_world(stage, world, options.lights)
     for group, names in parts.items():
-        prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
-        Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
-        for name in names:
-            part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
-            part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
+        define_parts(stage, group, names)
     save(stage)
+
+
+def define_parts(stage: Usd.Stage, group: str, names: list[str]) -> None:
+    """Define a group of payloads from the assets."""
+    prim = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}").GetPrim()
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.group)
+    for name in names:
+        part = UsdGeom.Xform.Define(stage, f"/{ROOT}/{group}/{name}").GetPrim()
+        part.GetPayloads().AddPayload(f"./assets/{name}.usdc")
 
 
 def define_world(stage: Usd.Stage, world: World, lights: Lights) -> None:

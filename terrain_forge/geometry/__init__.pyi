@@ -1,6 +1,7 @@
 """Meshes and textures that exporters, pictures and pages share."""
 
 from .beyond import horizon_detail as horizon_detail
+from .beyond import horizon_losses as horizon_losses
 from .beyond import horizon_surface as horizon_surface
 from .beyond import with_horizon_loss as with_horizon_loss
 from .beyond import write_horizon_mesh as write_horizon_mesh

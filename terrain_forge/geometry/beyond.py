@@ -141,12 +141,17 @@ def with_horizon_loss(
     report: ExportReport, horizon: Horizon | None, *, shown: bool
 ) -> ExportReport:
     """A report that says what became of what lies beyond the world's edge."""
+    losses = (*report.losses, *horizon_losses(horizon, shown=shown))
+    return ExportReport(files=report.files, losses=losses)
+
+
+def horizon_losses(horizon: Horizon | None, *, shown: bool) -> tuple[str, ...]:
+    """What became of what lies beyond the world's edge, if anything does."""
     if horizon is None:
-        return report
-    loss = (
+        return ()
+    if not shown:
+        return ("What lies beyond the border is left out.",)
+    return (
         "What lies beyond the border is visual-only: its colours are those of its vertices, "
-        "without the fine texture of the ground within."
-        if shown
-        else "What lies beyond the border is left out."
+        "without the fine texture of the ground within.",
     )
-    return ExportReport(files=report.files, losses=(*report.losses, loss))

@@ -92,9 +92,6 @@ def _in_whole(recipe: Recipe) -> Iterator[IdleKey]:
         why = "no population scatters rocks"
         yield IdleKey(("rocks", "exclusion_zones"), why, False)
         yield IdleKey(("horizon", "rocks_m"), why, False)
-    if recipe.tiles is not None:
-        for name in ("dtm", "reach_m", "rocks_m"):
-            yield IdleKey(("horizon", name), "a site in tiles has no horizon", False)
     for order in _orders(recipe):
         key: Key = ("exports", order.folder)
         yield from _told(order.options, key)

@@ -14,6 +14,7 @@ from terrain_forge.building import foreign_files, lists_outputs
 from terrain_forge.dtm import open_dataset
 from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
 from terrain_forge.recipe import sha256
+from terrain_forge.tiling.beyond import shows_horizon, site_horizon
 from terrain_forge.tiling.making import digest_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
 from terrain_forge.truth import MATERIALS, merge_materials, write_merged
@@ -63,9 +64,6 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     )
 
 
-_NO_HORIZON = "Nothing of what lies beyond the site is in it: a site in tiles has no horizon."
-
-
 def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     """Bring the tiles together; returns the site's manifest.
 
@@ -78,7 +76,11 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
     _join_truth(order)
     exports: dict[str, Any] = {}
     world = sample_world(order)
-    beyond = () if site.recipe.horizon.reach_m == 0.0 else (_NO_HORIZON,)
+    if shows_horizon(order):
+        watch("joining: horizon")
+        heights = [height for _, told in _each(order) for height in told["height_m"]]
+        horizon = site_horizon(order, world, lowest=min(heights), highest=max(heights))
+        world = world.replace(horizon=horizon)
     for export in order.exports:
         watch(f"joining: {export.folder}")
         exporter, options = export.opened()
@@ -88,7 +90,7 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         )
         losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
         exports[export.folder] = {
-            "kind": export.kind, "options": export.options, "losses": [*losses, *beyond]
+            "kind": export.kind, "options": export.options, "losses": [*losses]
         }  # fmt: skip
     watch("manifest")
     rocks, size = _write_table(order)

@@ -21,6 +21,7 @@ from terrain_forge.model import Tile, Window, World
 from terrain_forge.paths import known_within
 from terrain_forge.recipe import sha256
 from terrain_forge.rovers import rover_of
+from terrain_forge.tiling.beyond import shows_horizon, write_strips
 from terrain_forge.tiling.order import STAGING, TILE, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
@@ -90,6 +91,8 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
     parquet = tiles is not None and tiles.parquet
     counts, rock_id = write_tile_truth(tile, folder / "truth", parquet=parquet)
     write_picture(tile, rock_id, folder / PICTURE, step=tile_step(order.grid))
+    if shows_horizon(order):
+        write_strips(tile, order.grid, folder)
     figures: dict[str, Any] = {}
     for export in order.exports:
         exporter, options = export.opened()

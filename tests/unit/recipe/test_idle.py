@@ -35,7 +35,6 @@ IDLE = [
     ("horizon: {reach_m: 0, dtm: far.tif}", "horizon.dtm"),
     ("horizon: {rocks_m: 10}", "horizon.rocks_m"),
     ("rocks: {contact: {kind: none}}", "rocks.contact"),
-    ("tiles: {}\nhorizon: {reach_m: 100}", "horizon.reach_m"),
     ("exports: {glb: {close_within_m: 2}}", "exports.glb.close_within_m"),
     ("exports: {fine: {kind: usd, pebbles_within_m: 1}}", "exports.fine.pebbles_within_m"),
     ("exports: {sdf: {flavour: classic, normal_maps: true}}", "exports.sdf.normal_maps"),

@@ -207,6 +207,8 @@ def test_sdf_world_has_a_level_for_each_tile(built):
     world = ET.parse(built / "sdf/world.sdf").getroot().find("world")
     included = {one.find("name").text: one for one in world.iter("include")}
     levels = {one.find("ref").text: one for one in world.iter("level")}
+    beyond = included.pop("six_horizon")  # always there
+    assert beyond.find("pose").text.split() == ["0"] * 6
     assert sorted(included) == sorted(levels)
     assert len(included) == 6
     for name, one in included.items():
