@@ -69,7 +69,7 @@ def plan_path(
     return smooth_route(spec, line, (0.5 * rover.width + route.margin_m, turning), rover, key)
 
 
-def require_room(
+def require_off_border(
     route: Planned, *, size: tuple[float, float], spacing: float, rover: Rover, key: Key
 ) -> None:
     """Refuse places at the border of the terrain, which is known before the ground.

@@ -19,7 +19,7 @@ from terrain_forge.model import (
     Window,
 )
 from terrain_forge.paths.plan import overhang, plan_route, require_inside
-from terrain_forge.paths.planner import plan_path, require_room
+from terrain_forge.paths.planner import plan_path, require_off_border
 from terrain_forge.paths.recorded import read_recorded
 from terrain_forge.paths.spec import PathSpec, Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
@@ -47,7 +47,7 @@ def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]
     for number, path in enumerate(recipe.paths):
         key, recorded = ("paths", number), None
         if isinstance(path.route, Planned):
-            require_room(path.route, size=size, spacing=spacing, rover=rover, key=key)
+            require_off_border(path.route, size=size, spacing=spacing, rover=rover, key=key)
             continue
         if isinstance(path.route, Recorded):
             recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
