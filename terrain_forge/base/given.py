@@ -10,7 +10,8 @@ import collections.abc
 import operator
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import typing
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, wraps
 from inspect import get_annotations, unwrap
@@ -117,6 +118,41 @@ def _taken(function: Callable[..., Any], kinds: dict[str, Any], name: str, value
     return _sound(value)
 
 
+def require_fields(owner: type, given: Mapping[str, Any]) -> None:
+    """Refuse values that are not of the types of a class's fields, arrays aside.
+
+    What a type's name does not tell, and what the class makes itself, is not checked.
+
+    Raises:
+        DataError: names the class, the field, what is allowed and what was found.
+    """
+    if getattr(_trust, "now", False):
+        return
+    kinds = _field_kinds(owner)
+    for name, value in given.items():
+        kind = kinds.get(name, Any)
+        if kind is not Any and not is_of(value, kind):
+            raise DataError(
+                f"{owner.__name__}: {name} must be {_words(kind)}, found {_shown(value)}"
+            )
+
+
+@cache
+def _field_kinds(owner: type) -> dict[str, Any]:
+    """The types of a class's fields, as far as their names are known; those of arrays left out."""
+    kinds: dict[str, Any] = {}
+    for base in reversed(owner.__mro__):
+        names = vars(sys.modules.get(base.__module__, typing))
+        kinds |= _known(get_annotations(base), names)
+    return {name: kind for name, kind in kinds.items() if not _may_be_array(kind)}
+
+
+def _may_be_array(kind: Any) -> bool:
+    if get_origin(kind) in (Union, UnionType):
+        return any(map(_may_be_array, get_args(kind)))
+    return get_origin(kind) is np.ndarray
+
+
 def _sound(value: Any) -> Any:
     if isinstance(value, tuple):
         parts = tuple(map(_sound, value)) if type(value) is tuple else value
@@ -128,10 +164,16 @@ def _sound(value: Any) -> Any:
 @cache
 def _kinds(function: Callable[..., Any]) -> dict[str, Any]:
     """The types of a function's parameters, as far as their names are known."""
-    real, kinds = unwrap(function), {}
-    for name, kind in real.__annotations__.items():
+    real = unwrap(function)
+    return _known(real.__annotations__, real.__globals__)
+
+
+def _known(annotations: Mapping[str, Any], names: dict[str, Any]) -> dict[str, Any]:
+    """Types by the names that a module knows."""
+    kinds = {}
+    for name, kind in annotations.items():
         try:
-            kinds[name] = eval(kind, real.__globals__) if isinstance(kind, str) else kind
+            kinds[name] = eval(kind, names) if isinstance(kind, str) else kind
         except (NameError, TypeError, AttributeError):
             continue
     return kinds

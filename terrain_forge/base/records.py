@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base.errors import DataError
-from terrain_forge.base.given import checked, is_of
+from terrain_forge.base.given import checked, is_of, require_fields
 
 TYPES: dict[str, type[Record]] = {}
 R = TypeVar("R", bound="Record")
@@ -31,6 +31,23 @@ def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str,
     return {"dtype": dtype, "shape": shape, **more}
 
 
+class _Refusal(DataError, ValueError):
+    """Ours for a user, and for pydantic, which makes sensors, one of a value."""
+
+
+def _refusing(check: Callable[[Any], None]) -> Callable[[Any], None]:
+    """A record's check of itself, whose refusals are errors of ours."""
+
+    @wraps(check)
+    def call(self: Any) -> None:
+        try:
+            check(self)
+        except (TypeError, ValueError) as error:
+            raise _Refusal(str(error)) from None
+
+    return call
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
     """A frozen value of several fields; arrays whose shape is told are checked and frozen."""
@@ -43,13 +60,25 @@ class Record:
         if other.__module__ != cls.__module__:  # a stored record is found by its name
             raise TypeError(f"{other.__module__} has a record of the name {cls.__name__}")
         TYPES[cls.__name__] = cls
+        if "__post_init__" in vars(cls):
+            cls.__post_init__ = _refusing(cls.__post_init__)  # type: ignore[method-assign]
         if "__repr__" not in vars(cls):  # else the decorator writes one with all arrays
             cls.__repr__ = Record.__repr__  # type: ignore[method-assign]
+
+    def __new__(cls, **given: Any) -> Self:
+        """What a user makes has values of the types that are told; what we make, we trust.
+
+        Raises:
+            DataError: names the field, what is allowed and what was found.
+        """
+        require_fields(cls, given)
+        return super().__new__(cls)
 
     def __repr__(self) -> str:
         values = (f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self))
         return f"{type(self).__name__}({', '.join(values)})"
 
+    @_refusing
     def __post_init__(self) -> None:
         lengths: dict[str, int] = {}
         for f in fields(self):
@@ -76,9 +105,11 @@ class Record:
         Raises:
             ValueError: where the shape differs, a float is not finite or a value is masked.
         """
-        given = getattr(self, name)
-        array = np.array(given, dtype=dtype, order="C", copy=True)
-        where = f"{type(self).__name__}.{name}"
+        given, where = getattr(self, name), f"{type(self).__name__}.{name}"
+        try:
+            array = np.array(given, dtype=dtype, order="C", copy=True)
+        except (TypeError, ValueError):
+            raise ValueError(f"{where}: must be numbers, in rows of one length") from None
         lengths = {} if lengths is None else lengths
         matches = array.ndim == len(shape)
         for wanted, found in zip(shape, array.shape, strict=False):

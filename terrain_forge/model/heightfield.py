@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt
 from numpy.typing import ArrayLike, NDArray
 
 from terrain_forge.base import Array, DataError, Record, checked, shaped
@@ -19,7 +21,7 @@ class Heightfield(Record):
 
     elevation: NDArray[np.float32] = field(metadata=shaped("rows", "columns", dtype=np.float32))
     """Heights [m], shape [rows, columns]; rows run north, columns run east."""
-    spacing: float
+    spacing: Annotated[float, Gt(0)]
     """Distance of neighbouring nodes [m]."""
     origin: tuple[float, float]
     """East and north coordinate [m] of the first node of the first row."""

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import terrain_forge
-from terrain_forge.base import Spec, records
+from terrain_forge.base import DataError, Spec, records
+from terrain_forge.model import Heightfield
 from tests.helpers.places import ROOT, parsed
 
 
@@ -124,3 +125,22 @@ def test_wheel_holds_the_tree(tmp_path):
             wanted = path.suffix in kinds and "__pycache__" not in path.parts
             if wanted and path.name != "make_samples.py":
                 assert f"{home}/{path.relative_to(ROOT / folder).as_posix()}" in names
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"spacing": -1.0}, "Heightfield: spacing must be a number above 0, found -1.0"),
+        ({"spacing": "x"}, "Heightfield: spacing must be a number above 0, found 'x'"),
+        ({"origin": 5}, "Heightfield: origin must be 2 values, each a number, found 5"),
+        ({"elevation": np.zeros(3)}, "Heightfield.elevation: shape (3,), expected"),
+        ({"elevation": "x"}, "Heightfield.elevation: must be numbers, in rows of one length"),
+    ],
+)
+def test_a_record_made_wrongly_is_told_in_a_line(fields, words):
+    right = {"elevation": np.zeros((2, 2)), "spacing": 1.0, "origin": (0.0, 0.0)}
+    with pytest.raises(DataError) as error:
+        Heightfield(**(right | fields))
+    assert str(error.value).startswith(words)
+    with pytest.raises(DataError):
+        Heightfield(**right).replace(**fields)

@@ -6,7 +6,6 @@ import csv
 import json
 import math
 import os
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from terrain_forge.base import DataError
 from terrain_forge.evaluation import (
+    Run,
     ScoreOptions,
     TimedPoses,
     aligned,
@@ -308,8 +308,8 @@ def test_a_path_that_is_too_short_for_a_drift_says_so(tmp_path):
     done = run("evaluate", "--truth", path, "--estimate", path, "--set", "drift_over_m=5")
     assert "note" not in done.stdout
     score = score_poses(truth, truth)
-    adapter = SimpleNamespace(system="kiss-icp", status="done", why="", processor_s=1.0, memory=1.0)
-    result = Result(run=adapter, number=1, score=score, frame="base_link", world="mini")
+    one = Run(system="kiss-icp", status="done", seconds=1.0, processor_s=1.0, memory=1.0, log="")
+    result = Result(run=one, number=1, score=score, frame="base_link", world="mini")
     assert result_rows([result])[1][-1] == note
     assert result_lines([result])[-1] == f"kiss-icp: {note}"
     assert result_rows([result.replace(score=score_poses(_circle(), _circle()))])[1][-1] == "done"

@@ -83,7 +83,7 @@ def edge_width(world):
 def test_edges_of_shadows_are_as_soft_as_the_sun_is_wide(flat_world):
     """h·d/sin²(elevation) in all; of a disc, 59 % of that lie between 15 and 85 % of its light."""
     body = flat_world.site.body
-    point = flat_world.replace(site=flat_world.site.replace(body=body.replace(sun_diameter=0.0)))
+    point = flat_world.replace(site=flat_world.site.replace(body=body.replace(sun_diameter=1e-9)))
     wide = flat_world.replace(
         site=flat_world.site.replace(body=body.replace(sun_diameter=2 * body.sun_diameter))
     )
