@@ -85,6 +85,8 @@ _NARROW = (
     *(Window(width=w, square=False) for w in (0.6, 0.7)),
 )
 """Noise that is white from post to post, or nearly: folded ground is much like it."""
+_LEAST = {1.0: 0.5, 1.2: 0.6, 1.5: 0.75, 2.0: 0.6}
+"""Part of a mean square increment that noise of narrow squares has, by their width [posts]."""
 _EACH = _NARROW[0]
 """Noise of each post for itself, as rounding adds it."""
 
@@ -143,7 +145,7 @@ def find_noise(
         share = _share(heights, trusted, deviation, window)
         if window in _NARROW:
             # A Gaussian is also like what interpolation to the posts left of ground.
-            better, least = (0.3, 0.5 * window.width) if window.square else (0.25, 0.6)
+            better, least = (0.3, _LEAST[window.width]) if window.square else (0.25, 0.6)
             clear = misfit < better * alone and share > least
             if clear:
                 rival = min(alone, _fit_points(tiles, quiet, error))

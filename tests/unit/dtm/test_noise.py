@@ -74,6 +74,19 @@ def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, windo
     assert np.std(found - truth) < deviation
 
 
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+@pytest.mark.parametrize("deviation", [0.7, 1.0])
+def test_noise_over_two_posts_is_found_on_a_real_dtm(deviation):
+    with rasterio.open(JEZERO) as file:
+        truth = averaged(file.read(1)[200:712, 250:762].astype(float), 4)
+    noisy = truth + matcher_noise(truth.shape, deviation, 2)
+    floor = find_noise(noisy, 14.76, everywhere(noisy))
+    assert floor is not None
+    assert floor.deviation == pytest.approx(deviation, rel=0.12)
+    found = denoised(noisy, floor, stage_key(1, "noise"))
+    assert rms_deviation(found, 1) == pytest.approx(rms_deviation(truth, 1), rel=0.15)
+
+
 @pytest.mark.parametrize("noise", ["auto", 0.4])
 def test_white_noise_is_taken_away_found_or_given(noise):
     truth = clean(factor=4)
