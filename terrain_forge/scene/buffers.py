@@ -79,7 +79,7 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
     law = photometric_law(subject.photometry)
     level = reflected(law, up, facing, up * facing)
     albedo = linear_from_srgb(subject.ground_rgb[::16, ::16].mean(axis=(0, 1)) / 255.0)
-    from_sky, dome, even, through = _sky(lighting, albedo)
+    from_sky, lean, dome, even, through = _sky(lighting, albedo)
     sun = (1.0 - from_sky) / level
     return Light(
         towards_sun=triple(lighting.towards_sun),
@@ -87,6 +87,7 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
         sideways=triple(radius * np.array([cosine, -sine, 0.0])),
         sun=triple(sun),
         sky=triple(from_sky),
+        lean=(lean * float(sine), lean * float(cosine)),
         bounce=triple(0.35 * albedo),
         dome=dome,
         even=triple(even),
@@ -97,8 +98,8 @@ def prepare_light(subject: Subject, lighting: Lighting, *, facing: float) -> Lig
     )
 
 
-def _sky(lighting: Lighting, albedo: Array) -> tuple[Array, Array, Array, float]:
-    """The sky's part of the light on level ground, its two tables, what is added, what gets in.
+def _sky(lighting: Lighting, albedo: Array) -> tuple[Array, float, Array, Array, float]:
+    """The sky's part of the light on level ground, its lean, two tables, what is added, gets in.
 
     The aureole is the Sun's part: it shines from there, and what hides the Sun hides most of it.
     """
@@ -108,15 +109,16 @@ def _sky(lighting: Lighting, albedo: Array) -> tuple[Array, Array, Array, float]
         whole = day.direct + day.diffuse
         through = float(whole.mean())
         dome = np.stack([day.across / through, day.around])
-        return (day.diffuse - day.aureole) / whole, dome, day.rest / through, through
+        lean = float(day.lean.mean())
+        return (day.diffuse - day.aureole) / whole, lean, dome, day.rest / through, through
     if not colour.max() > 0.0:
-        return np.zeros(3), np.zeros((2, 2, 3)), np.zeros(3), 1.0
+        return np.zeros(3), 0.0, np.zeros((2, 2, 3)), np.zeros(3), 1.0
     # A body with a sky but without figures of its dust: a third of the light, darker overhead.
     down = 1.0 - (np.arange(SKY_STEPS) / (SKY_STEPS - 1.0)) ** 2
     overhead = colour * (_ZENITH - 0.85)
     across = 0.85 * colour + (1.0 - down**4)[:, None] * overhead
     share = 0.3 * (0.5 + 0.5 * colour / colour.mean())
-    return share, np.stack([across, np.ones_like(across)]), np.zeros(3), 1.0
+    return share, 0.0, np.stack([across, np.ones_like(across)]), np.zeros(3), 1.0
 
 
 def _haze(lighting: Lighting) -> float:

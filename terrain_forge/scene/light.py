@@ -23,6 +23,9 @@ class Light(NamedTuple):
     """Radiance of a white surface that faces the Sun, linear RGB."""
     sky: Triple
     """Radiance of a white surface under the whole sky, linear RGB."""
+    lean: tuple[float, float]
+    """How much more of the sky's light gets to ground for each unit of its slope's sine towards
+    east and north."""
     bounce: Triple
     """Radiance of a white surface that sees only ground, linear RGB."""
     dome: NDArray[np.float64]

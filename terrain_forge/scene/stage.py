@@ -78,6 +78,8 @@ class Stage(NamedTuple):
     """From the Sun's middle to its upper limb, over its distance."""
     sun_side: tuple[np.float32, np.float32, np.float32]
     """From the Sun's middle to its limb beside, over its distance."""
+    lean: tuple[np.float32, np.float32]
+    """How much more of the sky's light gets to a face for each unit of its normal's x and y."""
     law: NDArray[np.float32]
     """How ground and rocks send light back, as `photometric_law` makes it."""
     disc: NDArray[np.float32]
@@ -176,6 +178,7 @@ def prepare_stage(
         sun=triple32(light.towards_sun),
         sun_up=triple32(light.upwards),
         sun_side=triple32(light.sideways),
+        lean=(np.float32(light.lean[0]), np.float32(light.lean[1])),
         law=light.law.astype(np.float32),
         disc=_disc(lighting, light.sun, channels),
         points=points.astype(np.float32),

@@ -35,6 +35,9 @@ class Daylight(NamedTuple):
     aureole: Array
     """What of `diffuse` comes from within 15° of the Sun: a thing that hides the Sun hides it too.
     """
+    lean: Array
+    """Horizontal flux towards the Sun of the rest of `diffuse`, over its flux on level ground: so
+    much more of it, for each unit of the sine of its slope, has ground that faces the Sun."""
     across: Array
     """How much dust shines towards the ground by the sine of the elevation, (k / (SKY_STEPS - 1))²,
     shape [SKY_STEPS, 3]."""
@@ -82,14 +85,17 @@ def daylight(dust: Dust, sine: float, ground: Array) -> Daylight:
     across = 0.25 * albedo * np.stack(paths, axis=-1) * tau / np.maximum(depth, 1e-12) * sun / level
     cosine = 1.0 - 0.5 * (2.0 * steps) ** 2
     around = share * _lobe(forward, cosine) + (1.0 - share) * _lobe(wide, cosine)
-    single = _flux(across, around, level)
+    single, _ = _fluxes(across, around, level)
     # What scatters once cannot be more than all; where the two-stream is below, it is scaled.
     around = around * np.minimum(1.0, diffuse / np.maximum(single, 1e-12))
-    near = around * (cosine > _AUREOLE)[:, None]
+    near = (cosine > _AUREOLE)[:, None]
+    aureole, _ = _fluxes(across, around * near, level)
+    _, sideways = _fluxes(across, around * ~near, level)
     return Daylight(
         direct=np.full(3, beam),
         diffuse=diffuse,
-        aureole=_flux(across, near, level),
+        aureole=aureole,
+        lean=sideways / np.maximum(diffuse - aureole, 1e-12),
         across=across,
         around=around,
         rest=np.maximum(diffuse - single, 0.0),
@@ -125,21 +131,25 @@ def _lobe(asymmetry: Array, cosine: Array) -> Array:
     return np.asarray((1.0 - asymmetry**2) / portable.power(below, 1.5))
 
 
-def _flux(across: Array, around: Array, sun: float) -> Array:
-    """Flux on level ground of what is scattered once, over that of the Sun without dust."""
+def _fluxes(across: Array, around: Array, sun: float) -> tuple[Array, Array]:
+    """Flux of what is scattered once, over that of the Sun without dust: level and towards the Sun.
+
+    The one is on level ground, the other through an upright plane that faces the Sun.
+    """
     up = (np.arange(_LOOKS) + 0.5) / _LOOKS
     turn = np.pi * ((np.arange(4 * _LOOKS) + 0.5) / (4 * _LOOKS)) ** 2  # fine about the Sun
     width = 2.0 * np.pi * (np.arange(4 * _LOOKS) + 0.5) / (4 * _LOOKS) ** 2
     flat, low = np.sqrt(1.0 - up * up)[:, None], np.sqrt(1.0 - sun * sun)
-    cosine = up[:, None] * sun + flat * low * np.cos(turn)
-    chord = np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))
+    ahead = flat * np.cos(turn)
+    chord = np.sqrt(np.maximum(2.0 - 2.0 * (up[:, None] * sun + low * ahead), 0.0))
     marks = np.linspace(0.0, 1.0, SKY_STEPS)
-    total = []
+    level, sideways = [], []
     for c in range(3):
         scatter = np.interp(np.sqrt(0.5 * chord), marks, around[:, c])
-        shines = np.interp(np.sqrt(up), marks, across[:, c])[:, None] * scatter
-        total.append((shines * up[:, None] * width).sum() * 2.0 / (np.pi * _LOOKS))
-    return np.array(total)
+        shines = np.interp(np.sqrt(up), marks, across[:, c])[:, None] * scatter * width
+        level.append((shines * up[:, None]).sum() * 2.0 / (np.pi * _LOOKS))
+        sideways.append((shines * ahead).sum() * 2.0 / (np.pi * _LOOKS))
+    return np.array(level), np.array(sideways)
 
 
 def _gammas(albedo: Array, mean: Array, sun: float) -> tuple[Array, Array, Array, Array]:

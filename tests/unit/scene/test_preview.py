@@ -8,7 +8,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from terrain_forge.base import compass_to_direction
-from terrain_forge.model import MOON, Mesh, Window
+from terrain_forge.model import MARS, MOON, Mesh, Window
 from terrain_forge.scene import (
     RayScene,
     open_scene,
@@ -19,6 +19,8 @@ from terrain_forge.scene import (
     write_preview,
 )
 from terrain_forge.scene.camera import map_camera, pinhole_camera
+from terrain_forge.scene.picture import radiance_seen
+from terrain_forge.scene.stage import AMBIENT, GROUND_RGB, prepare_stage
 from terrain_forge.terrain import AppearanceSpec, colour_ground, stencil_reach
 from tests.helpers import worlds
 from tests.helpers.pictures import PREVIEW
@@ -116,6 +118,35 @@ def test_slope_towards_the_sun_is_brighter(small_world):
     assert compass_to_direction(np.radians(90), 0.0)[0] == pytest.approx(1.0)
     towards, away = (aerial(bare.replace(lighting=light)).mean() for light in (west, east))
     assert towards > 1.1 * away
+
+
+def test_slopes_get_more_of_the_sky_on_the_suns_side(small_world):
+    """So relief shows in shadows: by the sky's lean and the sine of the slope."""
+    rise = np.broadcast_to(0.15 * small_world.ground.east, small_world.ground.shape)
+    bare = small_world.replace(
+        ground=small_world.ground.replace(elevation=rise),
+        field=small_world.field.select(np.arange(0)),
+        trajectories=(),
+        horizon=None,
+        lighting=small_world.lighting.replace(sun_elevation=0.5, dust=MARS.dust),
+    )
+    camera = map_camera(middle=(0, 0), top=50, pixel=0.1, width=40, height=40)
+    gains = []
+    with open_scene(bare) as scene:
+        for azimuth in (270.0, 90.0):
+            light = bare.lighting.replace(sun_azimuth=np.radians(azimuth))
+            stage = prepare_stage(scene, light, 3, facing=1.0, camera=camera)
+            even = stage._replace(lean=(np.float32(0.0), np.float32(0.0)))
+            pictures = [
+                radiance_seen(scene, camera, stage=one).mean(axis=(0, 1)) for one in (stage, even)
+            ]
+            gains.append(pictures[0] - pictures[1])
+    lean = float(np.hypot(*stage.lean)) * np.sin(np.arctan(0.15))
+    albedo = stage.nodes[..., GROUND_RGB:].mean(axis=(0, 1))
+    # The grain tilts faces every way, some steeply, which takes a part of it.
+    whole = albedo * stage.colours[AMBIENT] * lean
+    assert gains[0] == pytest.approx(0.85 * whole, rel=0.12)
+    assert gains[1] == pytest.approx(-0.65 * whole, rel=0.25)
 
 
 def test_preview_shows_sky_above_ground_and_repeats(small_world):

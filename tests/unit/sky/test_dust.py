@@ -148,3 +148,23 @@ def test_the_recipe_says_how_dusty_it_is(tmp_path):
     )
     with pytest.raises(RecipeError, match=r"x.yaml:5: sky.tau: .*-0\.1"):
         tf.load_recipe(tmp_path / "x.yaml")
+
+
+@pytest.mark.parametrize(("tau", "sine"), [(0.3, 0.5), (0.5, 0.3), (1.5, 0.8)])
+def test_slopes_that_face_the_sun_get_more_of_the_sky(tau, sine):
+    """By a sum over the sky, aureole aside; the lean is right to first order of a slope."""
+    sun = np.array([np.sqrt(1.0 - sine * sine), 0.0, sine])
+    day = daylight(dust(tau), sine, _GROUND)
+    up, turn = (np.arange(1200) + 0.5) / 1200, 2 * np.pi * (np.arange(2400) + 0.5) / 2400
+    flat = np.sqrt(1.0 - up * up)[:, None]
+    towards = np.stack(
+        np.broadcast_arrays(flat * np.cos(turn), flat * np.sin(turn), up[:, None]), axis=-1
+    )
+    seen = day.radiance(towards, sun) * ((towards @ sun) <= np.cos(np.radians(15.0)))[..., None]
+    slope = np.radians(3.0)
+    facing, level = (
+        (seen * np.maximum(towards @ normal, 0.0)[..., None]).sum(axis=(0, 1))
+        for normal in ([np.sin(slope), 0.0, np.cos(slope)], [0.0, 0.0, 1.0])
+    )
+    assert facing / level == pytest.approx(np.cos(slope) + day.lean * np.sin(slope), rel=0.004)
+    assert (day.lean > 0.1).all()
