@@ -191,6 +191,8 @@ def test_files_of_every_kind_say_the_same(tmp_path):
                   b"end_header\n", "is no number"),
         ("a.pcd", b"FIELDS x\nSIZE 4\nTYPE F\nPOINTS 1\nDATA binary_compressed\n",
                   "must be ascii or"),
+        ("b.pcd", b"FIELDS x y z q\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 9999999\nPOINTS 1\n"
+                  b"DATA ascii\n1 2 3 4\n", "a point has 10,000,002 numbers"),
         ("a.txt", b"1 2 3\n1 2\n", r"a.txt:2: 2 numbers, the first row 3"),
         ("b.txt", b"1 2 3\n1 2 x\n", r"b.txt:2: '1 2 x', must be numbers"),
         ("c.txt", b"1 2 3 4 5\n", "has shape 1 x 5"),
@@ -203,6 +205,15 @@ def test_what_is_no_map_is_refused(tmp_path, name, content, told):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DataError, match=told):
         read_map(tmp_path / name)
+
+
+def test_a_raster_of_too_many_pixels_is_refused_unread(tmp_path):
+    profile = {"driver": "GTiff", "dtype": "float32", "tiled": True, "SPARSE_OK": True}
+    profile["transform"] = rasterio.Affine(0.1, 0, 0, 0, -0.1, 0)
+    with rasterio.open(tmp_path / "a.tif", "w", width=9000, height=9000, count=1, **profile):
+        pass
+    with pytest.raises(DataError, match="9,000 x 9,000 pixels, at most"):
+        read_map(tmp_path / "a.tif")
 
 
 def test_the_command_scores_maps_of_a_built_world(world, grid, tmp_path):

@@ -112,6 +112,12 @@ def test_jitter_inflates_the_path_at_full_rate_but_not_between_stations():
     assert stations.drift.median < 0.01
 
 
+def test_stations_without_number_are_refused():
+    truth = _circle()
+    with pytest.raises(DataError, match="stations_m 1e-09 on a path"):
+        score_poses(truth, truth, ScoreOptions(stations_m=1e-9))
+
+
 def test_thirds_are_counted_by_index_time_or_length():
     time = np.arange(300.0)
     x = np.where(time < 100, 0.0, time - 100)
