@@ -17,9 +17,9 @@ from terrain_forge.dtm import open_dataset
 MOST = 2**32
 """Bytes of a map."""
 _HEADER = 2**16
-_PIXELS = 2**26
+MAX_PIXELS = 2**26
 """Pixels of a raster."""
-_NUMBERS = 1000
+MAX_NUMBERS = 1000
 """Numbers of a point of PCD."""
 _PLY = {
     **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2"},
@@ -108,9 +108,9 @@ def _text(path: Path) -> tuple[Array, bool]:
 
 def _raster(path: Path) -> tuple[Array, bool]:
     with open_dataset(path) as dataset:
-        if dataset.width * dataset.height > _PIXELS:
+        if dataset.width * dataset.height > MAX_PIXELS:
             size = f"{dataset.width:,} x {dataset.height:,}"
-            raise DataError(f"{path}: has {size} pixels, at most {_PIXELS:,} in all")
+            raise DataError(f"{path}: has {size} pixels, at most {MAX_PIXELS:,} in all")
         heights = dataset.read(1, masked=True).astype(np.float64).filled(np.nan)
         flags = dataset.read(2).astype(np.float64) if dataset.count > 1 else None
         rows, columns = np.mgrid[: dataset.height, : dataset.width] + 0.5
@@ -173,8 +173,10 @@ def _pcd(path: Path) -> tuple[Array, bool]:
         if (words := line.split())
     }
     counts = [int(word) for word in told.get("COUNT", ["1"] * len(told.get("FIELDS", [])))]
-    if sum(counts) > _NUMBERS or min(counts, default=0) < 0:
-        raise DataError(f"{path}: a point has {sum(counts):,} numbers, must be 0 to {_NUMBERS:,}")
+    if sum(counts) > MAX_NUMBERS or min(counts, default=0) < 0:
+        raise DataError(
+            f"{path}: a point has {sum(counts):,} numbers, must be 0 to {MAX_NUMBERS:,}"
+        )
     kinds = [
         {"F": "f", "I": "i", "U": "u"}.get(kind, "?") + size
         for kind, size in zip(told.get("TYPE", []), told.get("SIZE", []), strict=True)

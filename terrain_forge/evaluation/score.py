@@ -23,7 +23,8 @@ from terrain_forge.evaluation.poses import TimedPoses
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Lengths of the KITTI odometry benchmark [m] (doi:10.1109/CVPR.2012.6248074)."""
-_STATIONS = 10_000_000
+MAX_STATIONS = 10_000_000
+"""Stations of a path at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,9 +199,9 @@ def _segments(
     true_at, told_at, rows = whole, estimate.stations, np.arange(len(whole))
     if apart:
         apart = over / np.ceil(over / apart - 1e-9)
-        if whole[-1] / apart > _STATIONS:
+        if whole[-1] / apart > MAX_STATIONS:
             raise DataError(
-                f"stations_m {apart:g} on a path of {whole[-1]:g} m: at most {_STATIONS:,} stations"
+                f"stations_m {apart:g} on a path of {whole[-1]:g} m: at most {MAX_STATIONS:,} stations"
             )
         wanted = np.arange(0.0, whole[-1] + 1e-9, apart)
         moves = np.concatenate([[True], np.diff(whole) > 0.0])  # one time for each station

@@ -9,6 +9,7 @@ import pytest
 from terrain_forge.base import MAX_DEPTH, MAX_NODES, specs
 from terrain_forge.building import manifest
 from terrain_forge.dtm import download, image, raster, window
+from terrain_forge.evaluation import map_files, score
 from terrain_forge.illumination import period, survey
 from terrain_forge.model import world
 from terrain_forge.paths import curves, recorded, routes
@@ -37,6 +38,9 @@ ROWS = {
     "many lines",
     "sizes that a recipe counts": f"{counts.MAX_COUNTED:,}",
     "a path's file": f"{specs.MAX_TABLE // MIB} MiB of UTF-8; {recorded.MAX_POSES:,} poses",
+    "a map that is scored": f"{map_files.MOST // 2**30} GiB; {map_files.MAX_PIXELS:,} pixels of a "
+    f"raster, {map_files.MAX_NUMBERS:,} numbers of a point",
+    "a trajectory that is scored": f"{score.MAX_STATIONS:,} stations",
     "a rock's mesh": f"{specs.MAX_MESH // MIB} MiB; {custom_mesh.MOST_FACES:,} faces; "
     "files that it names lie in its folder or below",
     "a route": f"{curves.LONGEST:,.0f} m; {curves.MAX_KNOTS:,} points that it is given by; "
