@@ -201,7 +201,8 @@ def _segments(
         apart = over / np.ceil(over / apart - 1e-9)
         if whole[-1] / apart > MAX_STATIONS:
             raise DataError(
-                f"stations_m {apart:g} on a path of {whole[-1]:g} m: at most {MAX_STATIONS:,} stations"
+                f"stations_m {apart:g} on a path of {whole[-1]:g} m: at most {MAX_STATIONS:,} "
+                "stations"
             )
         wanted = np.arange(0.0, whole[-1] + 1e-9, apart)
         moves = np.concatenate([[True], np.diff(whole) > 0.0])  # one time for each station
