@@ -144,6 +144,20 @@ def _require_las(path: Path) -> None:
         raise DataError(f"{path}: ends before the records do that its header counts")
     if points * _whole(head, 105, 2) > MOST:
         raise DataError(f"{path}: {points:,} points take more than {MOST:,} bytes")
+    if head[104] & 0x80 and _chunks(path, _whole(head, 96, 4)) > path.stat().st_size:
+        raise DataError(f"{path}: is damaged, its table of chunks is longer than the file")
+
+
+def _chunks(path: Path, points: int) -> int:
+    """How many chunks a LAZ file tells; the table's place stands before its points, or last."""
+    with path.open("rb") as file:
+        for place in (points, max(path.stat().st_size - 8, 0)):
+            file.seek(place)
+            table = int.from_bytes(file.read(8), "little", signed=True)
+            if table >= 0:
+                break
+        file.seek(min(max(table, 0), path.stat().st_size))
+        return _whole(file.read(8), 4, 4)
 
 
 def _whole(head: bytes, at: int, size: int) -> int:
