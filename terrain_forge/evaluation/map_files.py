@@ -125,11 +125,43 @@ def _las(path: Path) -> tuple[Array, bool]:
         import laspy
     except ImportError:
         raise DataError(f"{path} needs laspy: pip install 'terrain-forge[datasets]'") from None
+    _require_las(path)
     try:
         cloud = laspy.read(path)
     except laspy.errors.LaspyException as error:
         raise DataError(f"{path}: {error}") from None
     return np.column_stack([cloud.x, cloud.y, cloud.z]).astype(np.float64), False
+
+
+def _require_las(path: Path) -> None:
+    """Refuse a header (ASPRS LAS 1.4) whose counts laspy would follow beyond the file."""
+    with path.open("rb") as file:
+        head = file.read(375).ljust(375, b"\0")
+    records, extended, points = 54 * _whole(head, 100, 4), 0, _whole(head, 107, 4)
+    if head[25] >= 4:
+        extended, points = 60 * _whole(head, 243, 4), max(points, _whole(head, 247, 8))
+    if records + extended > path.stat().st_size:
+        raise DataError(f"{path}: ends before the records do that its header counts")
+    if points * _whole(head, 105, 2) > MOST:
+        raise DataError(f"{path}: {points:,} points take more than {MOST:,} bytes")
+    if head[104] & 0x80 and _chunks(path, _whole(head, 96, 4)) > path.stat().st_size:
+        raise DataError(f"{path}: is damaged, its table of chunks is longer than the file")
+
+
+def _chunks(path: Path, points: int) -> int:
+    """How many chunks a LAZ file tells; the table's place stands before its points, or last."""
+    with path.open("rb") as file:
+        for place in (points, max(path.stat().st_size - 8, 0)):
+            file.seek(place)
+            table = int.from_bytes(file.read(8), "little", signed=True)
+            if table >= 0:
+                break
+        file.seek(min(max(table, 0), path.stat().st_size))
+        return _whole(file.read(8), 4, 4)
+
+
+def _whole(head: bytes, at: int, size: int) -> int:
+    return int.from_bytes(head[at : at + size], "little")
 
 
 def _ply(path: Path) -> tuple[Array, bool]:

@@ -207,6 +207,37 @@ def test_what_is_no_map_is_refused(tmp_path, name, content, told):
         read_map(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("at", "told"), [(100, "ends before the records"), (107, "4,294,967,295 points take more")]
+)
+def test_counts_of_a_las_beyond_its_file_are_refused_at_once(tmp_path, at, told):
+    laspy = pytest.importorskip("laspy")
+    cloud = laspy.create()
+    cloud.x = cloud.y = cloud.z = np.arange(5.0)
+    cloud.write(tmp_path / "a.las")
+    assert len(read_map(tmp_path / "a.las").position) == 5
+    content = bytearray((tmp_path / "a.las").read_bytes())
+    content[at : at + 4] = b"\xff" * 4
+    (tmp_path / "a.las").write_bytes(content)
+    with pytest.raises(DataError, match=told):
+        read_map(tmp_path / "a.las")
+
+
+def test_a_laz_whose_table_of_chunks_is_elsewhere_is_refused(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    cloud = laspy.create()
+    cloud.x = cloud.y = cloud.z = np.arange(5000.0)
+    cloud.write(tmp_path / "a.laz")
+    assert len(read_map(tmp_path / "a.laz").position) == 5000
+    content = bytearray((tmp_path / "a.laz").read_bytes())
+    place = int.from_bytes(content[96:100], "little")
+    table = int.from_bytes(content[place : place + 8], "little")
+    content[table + 4 : table + 8] = b"\xff" * 4
+    (tmp_path / "a.laz").write_bytes(content)
+    with pytest.raises(DataError, match="table of chunks is longer"):
+        read_map(tmp_path / "a.laz")
+
+
 def test_a_raster_of_too_many_pixels_is_refused_unread(tmp_path):
     profile = {"driver": "GTiff", "dtype": "float32", "tiled": True, "SPARSE_OK": True}
     profile["transform"] = rasterio.Affine(0.1, 0, 0, 0, -0.1, 0)
