@@ -207,23 +207,23 @@ def test_what_is_no_map_is_refused(tmp_path, name, content, told):
         read_map(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("at", "told"), [(100, "ends before the records"), (107, "4,294,967,295 points take more")]
-)
-def test_counts_of_a_las_beyond_its_file_are_refused_at_once(tmp_path, at, told):
+@pytest.mark.parametrize("at", [100, 107])
+def test_counts_of_a_las_beyond_its_file_are_refused(tmp_path, monkeypatch, at):
     laspy = pytest.importorskip("laspy")
     cloud = laspy.create()
     cloud.x = cloud.y = cloud.z = np.arange(5.0)
     cloud.write(tmp_path / "a.las")
-    assert len(read_map(tmp_path / "a.las").position) == 5
+    assert read_map(tmp_path / "a.las").position[:, 1] == pytest.approx(np.arange(5.0))
+    monkeypatch.setattr("terrain_forge.evaluation.map_files._PATIENCE", (2.0, 1e6))
     content = bytearray((tmp_path / "a.las").read_bytes())
     content[at : at + 4] = b"\xff" * 4
     (tmp_path / "a.las").write_bytes(content)
-    with pytest.raises(DataError, match=told):
+    with pytest.raises(DataError, match=r"a\.las: laspy cannot read it|a\.las: is damaged"):
         read_map(tmp_path / "a.las")
 
 
-def test_a_laz_whose_table_of_chunks_is_elsewhere_is_refused(tmp_path):
+def test_a_laz_that_ends_its_reader_is_refused(tmp_path):
+    """A table of chunks that says it has four billion: the reader of LAZ aborts its process."""
     laspy = pytest.importorskip("laspy")
     cloud = laspy.create()
     cloud.x = cloud.y = cloud.z = np.arange(5000.0)
@@ -234,7 +234,7 @@ def test_a_laz_whose_table_of_chunks_is_elsewhere_is_refused(tmp_path):
     table = int.from_bytes(content[place : place + 8], "little")
     content[table + 4 : table + 8] = b"\xff" * 4
     (tmp_path / "a.laz").write_bytes(content)
-    with pytest.raises(DataError, match="table of chunks is longer"):
+    with pytest.raises(DataError, match=r"a\.laz: laspy cannot read it"):
         read_map(tmp_path / "a.laz")
 
 
