@@ -22,6 +22,7 @@ from terrain_forge.base import (
     reading,
     require_file,
     require_measurement,
+    require_unlinked,
 )
 from terrain_forge.datasets.poses import Stamps
 
@@ -144,6 +145,7 @@ class RecordedSensor:
 
         Raises:
             DataError: if there is no such measurement, or channel.
+            OutputError: if it is a link: a recording packs nothing from elsewhere.
         """
         stems = self._rows[1]
         require_measurement(number, len(stems), self.key)
@@ -152,7 +154,7 @@ class RecordedSensor:
             raise DataError(f"{self.key} has no {channel!r}: it was not recorded")
         if channel != "data":
             stem = f"{Path(stem).stem}{self.channels[channel].get('suffix', '.png')}"
-        return self.folder / channel / stem
+        return require_unlinked(self.folder, f"{channel}/{stem}")
 
 
 def stored_size(files: Iterable[Path]) -> int:

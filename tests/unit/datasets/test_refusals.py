@@ -164,3 +164,18 @@ def test_a_format_of_a_third_party(tmp_path, recording):
     finally:
         del dataset_kinds()["broken"]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["kitti", "tum", "rosbag2"])
+def test_a_picture_that_is_a_link_is_not_packed(kind, tmp_path):
+    """A recording from elsewhere would carry a picture of the user's into what he shares."""
+    if kind == "rosbag2":
+        pytest.importorskip("rosbags")
+    folder = write_recording(tmp_path / "there", seconds=0.5)
+    recording = open_recording(folder)
+    picture = recording.cameras[0].file(1)
+    picture.rename(tmp_path / "mine.png")
+    picture.symlink_to(tmp_path / "mine.png")
+    with pytest.raises(OutputError, match=f"{picture.name} is a link, which is not followed"):
+        write_dataset(recording, kind, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
