@@ -169,6 +169,12 @@ def site_warnings(site: Site) -> list[str]:
             f"the DTM had noise of {_metres(dtm.noise)} RMS, which was taken away: heights are the "
             "DTM's within that only; dtm.noise: keep leaves it in, a figure says how much it is"
         )
+    if dtm.doubt:
+        found.append(
+            f"the DTM may have noise of {_metres(dtm.doubt)} RMS: that fits it better than ground "
+            "alone, but not clearly; it is left in and continued as ground; as dtm.noise a figure "
+            "takes it away, keep says that it is ground"
+        )
     if dtm.hidden > LONGEST_HIDDEN * dtm.posting:
         found.append(
             f"that noise hid all waves up to {_metres(dtm.hidden)}, {dtm.hidden / dtm.posting:.2g} "

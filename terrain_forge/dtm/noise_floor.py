@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from terrain_forge.base import Array, Mask, portable
 from terrain_forge.dtm.increments import mean_square_increment
 from terrain_forge.dtm.periodograms import Tiles
+from terrain_forge.dtm.point_posts import are_points
 
 FEWEST_POSTS = 96
 """Posts a side below which no noise is looked for."""
@@ -25,6 +26,7 @@ LARGEST = 0.6
 """RMS noise, in postings, beyond which relief is no matcher's error."""
 _BETAS = np.arange(30, 41) / 10.0
 _BETAS_ALONE = np.arange(24, 47) / 10.0
+_BETAS_NATURAL = np.arange(30, 47) / 10.0  # exponents from 0.5, as ground beside noise has
 _BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
 _SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
 _BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
@@ -71,9 +73,8 @@ class Window:
 
     def spectrum(self, across: Array, down: Array) -> Array:
         """Density of noise over that at long waves."""
-        if not self.square:
-            return _gaussian(np.sqrt(across**2 + down**2), self.width)
-        return _averaged(across, self.width) * _averaged(down, self.width)
+        density = _averaged if self.square else _smoothed
+        return density(across, self.width) * density(down, self.width)
 
 
 _WINDOWS = (
@@ -81,14 +82,48 @@ _WINDOWS = (
     *(Window(width=w, square=True) for w in (2.5, 3.0, 3.5, 4.0, 5.0)),
 )
 _NARROW = (
-    *(Window(width=w, square=True) for w in (1.0, 1.2, 1.5, 2.0)),
-    *(Window(width=w, square=False) for w in (0.6, 0.7)),
+    *(Window(width=w, square=True) for w in (1.0, 1.1, 1.2, 1.35, 1.5, 2.0)),
+    *(Window(width=w, square=False) for w in (0.5, 0.55, 0.6, 0.65, 0.7)),
 )
-"""Noise that is white from post to post, or nearly: folded ground is much like it."""
-_LEAST = {1.0: 0.5, 1.2: 0.6, 1.5: 0.75, 2.0: 0.6}
-"""Part of a mean square increment that noise of narrow squares has, by their width [posts]."""
+"""Noise that is white from post to post, or nearly: folded ground is much like it, and what
+interpolation to the posts left of ground."""
 _EACH = _NARROW[0]
 """Noise of each post for itself, as rounding adds it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """How much better ground with noise has to fit than ground alone."""
+
+    better: float
+    """χ² over that of ground alone, below which it must be."""
+    share: float
+    """Part of a mean square increment that the noise must have more of."""
+    gain: float
+    """What the difference of χ², times that part, must exceed."""
+
+    def passed(self, misfit: float, alone: float, share: float) -> bool:
+        """Whether a fit is so much better."""
+        gain = (alone - misfit) * share
+        return misfit < self.better * alone and share > self.share and gain > self.gain
+
+
+_CLEAR = Bar(better=0.55, share=0.32, gain=2.0)
+_CLEAR_OF_FEW = Bar(better=0.6, share=0.4, gain=4.0)
+"""Below 160 posts a side."""
+_CLEAR_OF_POINTS = Bar(better=0.35, share=0.0, gain=3.5)
+_DOUBT = Bar(better=0.35, share=0.45, gain=4.0)
+_DOUBT_OF_POINTS = Bar(better=0.5, share=0.0, gain=0.0)
+
+
+def _clear_of_narrow(window: Window) -> Bar:
+    if not window.square:
+        share = 0.72
+    elif window == _EACH:
+        share = 0.5
+    else:
+        share = 0.65 if window.width < 2.0 else 0.6
+    return Bar(better=0.35, share=share, gain=7.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,10 +146,68 @@ class NoiseFloor:
     """Part of that density that is ground, 0 to 1."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class FoundNoise:
+    """What was found of noise in a DTM."""
+
+    floor: NoiseFloor | None = None
+    """The noise that is to be taken away; None where there is none to speak of."""
+    doubt: float = 0.0
+    """RMS of noise that there may be instead [m], not clearly enough to take it away; 0 if none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """Ground with noise after a window, as well as it fits."""
+
+    window: Window
+    level: float
+    """Density of the noise at long waves [m² post²]."""
+    misfit: float
+    """χ²."""
+
+    @property
+    def deviation(self) -> float:
+        """RMS of the noise [m]."""
+        return math.sqrt(self.level * self.window.white)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Alone:
+    """χ² of ground without noise, but for that of known steps."""
+
+    any: float
+    """Of any exponent."""
+    natural: float
+    """Of exponents that ground has."""
+    points: float
+    """Of folded ground, whose posts are heights of points; infinite where they are not."""
+    few: bool
+    """Whether the DTM is a small one."""
+
+    def is_clear(self, fit: _Fit, share: float) -> bool:
+        """Whether noise of a fit, which has this part of increments, is to be taken away."""
+        if fit.window in _NARROW:
+            return self._below(fit, share, _clear_of_narrow(fit.window), _CLEAR_OF_POINTS)
+        bar = _CLEAR_OF_FEW if self.few else _CLEAR
+        return bar.passed(fit.misfit, self.any, share)
+
+    def is_in_doubt(self, fit: _Fit, share: float) -> bool:
+        """Whether that noise may be there."""
+        if fit.window in _NARROW:
+            return self._below(fit, share, _DOUBT, _DOUBT_OF_POINTS)
+        return _CLEAR.passed(fit.misfit, self.any, share)
+
+    def _below(self, fit: _Fit, share: float, natural: Bar, points: Bar) -> bool:
+        return natural.passed(fit.misfit, self.natural, share) and points.passed(
+            fit.misfit, self.points, share
+        )
+
+
 def find_noise(
     heights: Array, posting: float, trusted: Mask, given: float | None = None, *, step: float = 0.0
-) -> NoiseFloor | None:
-    """The noise of a DTM; None where there is none to speak of.
+) -> FoundNoise:
+    """The noise of a DTM.
 
     Args:
         heights: the DTM around the site [m].
@@ -124,47 +217,59 @@ def find_noise(
         step: what the heights are rounded to [m]: known noise, of which no more is made.
     """
     if min(heights.shape) < (FEWEST_POSTS if given is None else 2 * _SMALL):
-        return None
+        return FoundNoise()
     side = _LARGE if min(heights.shape) >= 2.5 * _LARGE else _SMALL
     tiles = Tiles.of(heights, trusted, side)
     if len(tiles.power) < 6:
-        return None
+        return FoundNoise()
     number, quiet = tiles.number, tiles.quiet()
     if not quiet.min() > 0.0:
-        return None
+        return FoundNoise()
     # Where a spectrum falls steeply, what leaks from its neighbours counts.
     fall = -np.gradient(portable.log(quiet), portable.log(number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
+    both = [_fit_noise(tiles, quiet, error, given, of) for of in (_NARROW, _WINDOWS)]
+    fits = sorted(both, key=lambda fit: fit.misfit)
+    if given is not None:
+        best = fits[0]
+        floor = _floor(heights, trusted, best.deviation, best.window, best.level, given=True)
+        return FoundNoise(floor=floor)
     bare, rounded = _fit_ground(number, quiet, error), _fit_rounded(number, quiet, error, step)
-    alone = min(bare, rounded)
-    fits = [_fit_noise(tiles, quiet, error, given, of) for of in (_NARROW, _WINDOWS)]
-    for window, level, misfit in sorted(fits, key=lambda fit: fit[2]):
-        deviation = math.sqrt(level * window.white)
-        if given is not None:
-            return _floor(heights, trusted, deviation, window, level, given=True)
-        share = _share(heights, trusted, deviation, window)
-        if window in _NARROW:
-            # A Gaussian is also like what interpolation to the posts left of ground.
-            better, least = (0.3, _LEAST[window.width]) if window.square else (0.25, 0.6)
-            clear = misfit < better * alone and share > least
-            if clear:
-                rival = min(alone, _fit_points(tiles, quiet, error))
-                clear = misfit < better * rival and (rival - misfit) * share > 4.0
-        elif side == _SMALL:
-            clear = misfit < 0.6 * alone and share > 0.4 and (alone - misfit) * share > 4.0
-        else:
-            clear = misfit < 0.55 * alone and share > 0.32 and (alone - misfit) * share > 2.0
-        if clear and share < _WHOLE and deviation <= LARGEST * posting:
-            return _floor(heights, trusted, deviation, window, level)
+    folded = are_points(heights, trusted)
+    alone = _Alone(
+        any=min(bare, rounded),
+        natural=min(_fit_ground(number, quiet, error, _BETAS_NATURAL), rounded),
+        points=_fit_points(tiles, quiet, error) if folded else math.inf,
+        few=side == _SMALL,
+    )
+    found = FoundNoise()
+    for fit in fits:
+        if fit.deviation > LARGEST * posting:
+            continue
+        share = _share(heights, trusted, fit.deviation, fit.window)
+        if alone.is_clear(fit, share) and share < _WHOLE:
+            floor = _floor(heights, trusted, fit.deviation, fit.window, fit.level)
+            return FoundNoise(floor=floor)
+        if not found.doubt and alone.is_in_doubt(fit, share):
+            found = FoundNoise(doubt=fit.deviation)
     by_steps = step / math.sqrt(12.0)
     if rounded < 0.55 * bare and _share(heights, trusted, by_steps, _EACH) > 0.5:
-        return _floor(heights, trusted, by_steps, _EACH, by_steps**2, given=True)
-    return None
+        floor = _floor(heights, trusted, by_steps, _EACH, by_steps**2, given=True)
+        return FoundNoise(floor=floor)
+    return found
 
 
 def _gaussian(number: Array, width: float) -> Array:
     """Spectrum of white noise after a Gaussian of that standard deviation [posts], 1 at 0."""
     return portable.exp(-((2.0 * math.pi * width * number) ** 2))
+
+
+def _smoothed(number: Array, width: float) -> Array:
+    """Density that a Gaussian leaves of white noise at posts in a row, which fold it, 1 at 0."""
+    few, index = np.unique(number, return_inverse=True)
+    left = sum(_gaussian(few + fold, width) for fold in (-1.0, 0.0, 1.0))
+    smoothed: Array = np.asarray(left)[index].reshape(number.shape)
+    return smoothed
 
 
 def _averaged(number: Array, width: float) -> Array:
@@ -195,9 +300,9 @@ def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:
     return shape
 
 
-def _fit_ground(number: Array, density: Array, error: Array) -> float:
-    """χ² of ground alone, of any exponent, smoothed or not."""
-    grounds = np.stack([_ground(number, _BETAS_ALONE, smoothed) for smoothed in _SMOOTHED])
+def _fit_ground(number: Array, density: Array, error: Array, betas: Array = _BETAS_ALONE) -> float:
+    """χ² of ground alone, of some exponents, smoothed or not."""
+    grounds = np.stack([_ground(number, betas, smoothed) for smoothed in _SMOOTHED])
     return _misfit(grounds, density, error)
 
 
@@ -245,9 +350,9 @@ def _fit_noise(
     error: Array,
     given: float | None,
     windows: tuple[Window, ...],
-) -> tuple[Window, float, float]:
-    """The best of some windows, density of its noise at long waves, and χ²."""
-    best = (math.inf, windows[0], 0.0)
+) -> _Fit:
+    """The best of some windows."""
+    best = _Fit(window=windows[0], level=0.0, misfit=math.inf)
     unlikely = ((np.asarray(_BETAS) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
     for window in windows:
         noise = _quietest(tiles.binned(window.spectrum(*tiles.waves[:2])))
@@ -257,9 +362,10 @@ def _fit_noise(
             misfits, levels = _fit_levels(grounds, noise, density, error, fixed)
             misfits = misfits + unlikely
             least = int(np.argmin(misfits))
-            if misfits[least] < best[0]:
-                best = (float(misfits[least]), window, float(levels[least]))
-    return best[1], best[2], best[0]
+            if misfits[least] < best.misfit:
+                level, misfit = float(levels[least]), float(misfits[least])
+                best = _Fit(window=window, level=level, misfit=misfit)
+    return best
 
 
 def _fit_levels(

@@ -166,7 +166,8 @@ def _without_noise(
         return patch, None
     given = None if isinstance(noise, str) else noise
     step = height_step(patch.heights[measured])
-    floor = find_noise(patch.heights, patch.posting, measured, given, step=step)
+    found = find_noise(patch.heights, patch.posting, measured, given, step=step)
+    floor, patch = found.floor, patch.replace(doubt=found.doubt)
     if floor is None and given is not None:
         kept = (
             f"noise of {given:.2g} m could not be told from the ground, it is kept: that takes "

@@ -37,6 +37,8 @@ class DtmPatch(Record):
     """RMS noise that was found in the DTM and taken away [m]."""
     hidden: float = 0.0
     """Longest wavelength at which that noise hid the ground [m]; 0 without noise."""
+    doubt: float = 0.0
+    """RMS of noise that the DTM may have and that was left in it [m]; 0 if it has none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from terrain_forge.base import stage_key
 from terrain_forge.dtm import ArrayDtm, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
+from terrain_forge.dtm.noise_floor import Window as MatcherWindow
 from terrain_forge.dtm.noise_floor import find_noise
 from terrain_forge.dtm.vertical import height_step
 from terrain_forge.model import MARS, Window
@@ -58,12 +59,12 @@ def planned(heights, posting, *, factor=2, margin=20, **options):
     return worlds.site().replace(size=size, spacing=posting / factor, **vars(found))
 
 
-@pytest.mark.parametrize("window", [0.0, 0.7, 1.0, 1.5, 3, 4])
+@pytest.mark.parametrize("window", [0.0, 0.5, 0.55, 0.6, 0.7, 1.0, 1.5, 3, 4])
 @pytest.mark.parametrize("deviation", [0.2, 0.35])
 def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, window):
     truth = clean()
     noisy = truth + matcher_noise(truth.shape, deviation, window)
-    floor = find_noise(noisy, 2.0, everywhere(noisy))
+    floor = find_noise(noisy, 2.0, everywhere(noisy)).floor
     assert floor.deviation == pytest.approx(deviation, rel=0.12)
     found = denoised(noisy, floor, stage_key(1, "noise"))
     for lag in LAGS:
@@ -80,11 +81,65 @@ def test_noise_over_two_posts_is_found_on_a_real_dtm(deviation):
     with rasterio.open(JEZERO) as file:
         truth = averaged(file.read(1)[200:712, 250:762].astype(float), 4)
     noisy = truth + matcher_noise(truth.shape, deviation, 2)
-    floor = find_noise(noisy, 14.76, everywhere(noisy))
+    floor = find_noise(noisy, 14.76, everywhere(noisy)).floor
     assert floor is not None
     assert floor.deviation == pytest.approx(deviation, rel=0.12)
     found = denoised(noisy, floor, stage_key(1, "noise"))
     assert rms_deviation(found, 1) == pytest.approx(rms_deviation(truth, 1), rel=0.15)
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+@pytest.mark.parametrize("corner", [(0, 0), (0, 500), (200, 250), (384, 0), (384, 500)])
+def test_noise_of_narrow_windows_on_a_real_dtm_is_found_or_in_doubt(corner):
+    row, column = corner
+    with rasterio.open(JEZERO) as file:
+        truth = averaged(file.read(1)[row : row + 512, column : column + 512].astype(float), 4)
+    noisy = truth + matcher_noise(truth.shape, 0.7, 0.6, seed=row + column)
+    found = find_noise(noisy, 14.76, everywhere(noisy))
+    deviation = found.doubt if found.floor is None else found.floor.deviation
+    assert deviation == pytest.approx(0.7, rel=0.2)
+
+
+def test_gaussian_window_is_folded_at_the_posts():
+    """Its spectrum is that of its correlation from post to post, and no more than it."""
+    window = MatcherWindow(width=0.5, square=False)
+    across, down = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-0.5, 0.5, 9)]))
+    lags = np.arange(-9, 10)
+    near = np.array([window.correlation(abs(float(lag))) for lag in lags])
+    rows, columns = (near @ np.cos(2.0 * np.pi * np.outer(lags, n)) for n in (down, across))
+    assert window.spectrum(across, down) == pytest.approx(rows * columns * window.white, abs=3e-4)
+
+
+@pytest.mark.parametrize(("factor", "window", "deviation"), [(2, 0.6, 0.05), (4, 0.55, 0.08)])
+def test_noise_that_is_in_doubt_is_warned_of_and_left(factor, window, deviation):
+    truth = clean(factor=factor)
+    noisy = truth + matcher_noise(truth.shape, deviation, window)
+    site = planned(noisy, float(factor), margin=4)
+    assert site.dtm.noise == 0.0
+    assert site.dtm.doubt == pytest.approx(deviation, rel=0.15)
+    assert np.array_equal(site.dtm.heights, noisy)
+    (told,) = (text for text in site_warnings(site) if "may have noise" in text)
+    assert f"may have noise of {100.0 * site.dtm.doubt:.2g} cm RMS" in told
+    kept = planned(noisy, float(factor), margin=4, noise="keep")
+    assert kept.dtm.doubt == 0.0
+    assert not any("may have noise" in text for text in site_warnings(kept))
+    given = planned(noisy, float(factor), margin=4, noise=deviation).dtm
+    assert (given.noise, given.doubt) == (pytest.approx(deviation), 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
+def test_few_parts_of_a_real_dtm_are_in_doubt():
+    with rasterio.open(JEZERO) as file:
+        heights = file.read(1).astype(float)
+    parts = [
+        averaged(heights[row : row + side, column : column + side], factor)
+        for factor, side in ((1, 160), (2, 320), (4, 512))
+        for row in range(0, 1025 - side, 128)
+        for column in range(0, 1025 - side, 128)
+    ]
+    doubts = [find_noise(part, 3.69, everywhere(part)).doubt for part in parts]
+    assert sum(doubt > 0.0 for doubt in doubts) <= 0.12 * len(parts)
 
 
 @pytest.mark.parametrize("noise", ["auto", 0.4])
@@ -103,7 +158,7 @@ def test_white_noise_is_taken_away_found_or_given(noise):
 def test_points_of_clean_ground_are_not_taken_for_white_noise():
     for name, factor in (("gale_floor_synthetic.tif", 4), ("moon_mare_synthetic.tif", 2)):
         points = clean(name, 1)[::factor, ::factor]
-        assert find_noise(points, float(factor), everywhere(points)) is None
+        assert find_noise(points, float(factor), everywhere(points)).floor is None
 
 
 def test_ground_of_a_noisy_dtm_is_as_rough_as_that_of_the_clean_one():
@@ -152,7 +207,7 @@ def dunes(count=256):
 )  # fmt: skip
 def test_clean_dtm_is_left_alone(heights):
     """Not even dunes, craters, nor ground that a matcher smoothed are taken for noise."""
-    assert find_noise(heights, 2.0, everywhere(heights)) is None
+    assert find_noise(heights, 2.0, everywhere(heights)).floor is None
     site = planned(heights, 2.0)
     assert np.array_equal(site.dtm.heights, heights)
     assert site.dtm.noise == 0.0
@@ -165,7 +220,7 @@ def test_steps_of_a_clean_dtm_are_no_more_than_rounding(step):
         clean_heights = self_affine(128, hurst=1.2, deviation=20.0, seed=seed)
         heights = step * np.round(clean_heights / step)
         assert height_step(heights.ravel()) == pytest.approx(step)
-        floor = find_noise(heights, 10.0, everywhere(heights), step=step)
+        floor = find_noise(heights, 10.0, everywhere(heights), step=step).floor
         if step < 1.0:
             assert floor is None or floor.deviation < 1.1 * step / np.sqrt(12.0)
         else:  # which are as high as what is between two posts
@@ -191,9 +246,9 @@ def test_noise_over_a_real_dtm(corner):
     with rasterio.open(JEZERO) as file:
         heights = file.read(1).astype(float)
     heights = heights[corner[0] : corner[0] + 400, corner[1] : corner[1] + 400]
-    assert find_noise(heights, 3.69, everywhere(heights)) is None
+    assert find_noise(heights, 3.69, everywhere(heights)).floor is None
     noisy = heights + matcher_noise(heights.shape, 0.35, 3)
-    found = denoised(noisy, find_noise(noisy, 3.69, everywhere(noisy)), stage_key(1, "noise"))
+    found = denoised(noisy, find_noise(noisy, 3.69, everywhere(noisy)).floor, stage_key(1, "noise"))
     for lag in LAGS:
         assert rms_deviation(found, lag) == pytest.approx(rms_deviation(heights, lag), rel=0.15)
 
@@ -211,7 +266,7 @@ def test_parts_of_a_real_dtm_are_left_alone():
         for factor in (1, 2)
         if size / factor >= 160
     ]
-    found = [find_noise(part, 3.69, everywhere(part)) for part in parts]
+    found = [find_noise(part, 3.69, everywhere(part)).floor for part in parts]
     assert sum(floor is not None for floor in found) <= 0.01 * len(parts)
 
 
@@ -231,7 +286,7 @@ def test_noise_can_be_kept_or_given():
 
 def test_what_is_drawn_follows_the_seed():
     noisy = clean() + matcher_noise(clean().shape, 0.3, 1.0)
-    floor = find_noise(noisy, 2.0, everywhere(noisy))
+    floor = find_noise(noisy, 2.0, everywhere(noisy)).floor
     one, same, other = (denoised(noisy, floor, stage_key(n, "noise")) for n in (1, 1, 2))
     assert np.array_equal(one, same)
     assert 0.01 < np.std(one - other) < 0.3
