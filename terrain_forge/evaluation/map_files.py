@@ -137,7 +137,7 @@ resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
 cloud = laspy.read(sys.argv[1])
 numpy.save(sys.argv[2], numpy.column_stack([cloud.x, cloud.y, cloud.z]).astype(float))
 """
-_PATIENCE = 10.0, 1e6
+PATIENCE = 10.0, 1e6
 """Seconds that reading LAS may take, and bytes for each further one."""
 
 
@@ -145,7 +145,7 @@ def _las(path: Path) -> tuple[Array, bool]:
     """Points by laspy in a process of its own, which a damaged file can end, fill or keep busy."""
     if find_spec("laspy") is None:
         raise DataError(f"{path} needs laspy: pip install 'terrain-forge[datasets]'")
-    patience = _PATIENCE[0] + path.stat().st_size / _PATIENCE[1]
+    patience = PATIENCE[0] + path.stat().st_size / PATIENCE[1]
     with TemporaryDirectory() as folder:
         points = Path(folder) / "points.npy"
         words = [*python_words(_READ_LAS), str(path), str(points), str(2 * MOST)]
