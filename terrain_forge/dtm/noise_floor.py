@@ -17,6 +17,21 @@ from numpy.typing import ArrayLike
 
 from terrain_forge.base import Array, Mask, portable
 from terrain_forge.dtm.increments import mean_square_increment
+from terrain_forge.dtm.matcher_windows import (
+    CLEAR,
+    CLEAR_OF_FEW,
+    CLEAR_OF_POINTS,
+    DOUBT,
+    DOUBT_OF_POINTS,
+    EACH,
+    NARROW,
+    WINDOWS,
+    Bar,
+    Window,
+    clear_of_narrow,
+    gaussian,
+    sinc,
+)
 from terrain_forge.dtm.periodograms import Tiles
 from terrain_forge.dtm.point_posts import are_points
 
@@ -42,88 +57,6 @@ _SHORTEST = 0.35  # cycles per post, which increments over one and two posts loo
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
 _STEEP, _LEAK = 5.0, 0.15  # exponent of a spectrum, misfit for each one beyond
-
-
-@dataclass(frozen=True, kw_only=True)
-class Window:
-    """What a matcher averages over; its noise is white noise after it."""
-
-    width: float
-    """Standard deviation of a Gaussian, or side of a square [posts]."""
-    square: bool
-    """Which of the two."""
-
-    @property
-    def white(self) -> float:
-        """Variance of noise over its density at long waves."""
-        if not self.square:
-            return 1.0 / (4.0 * math.pi * self.width**2)
-        return 1.0 / (self.width if self.width > 2.0 else 3.0 - 2.0 / self.width) ** 2
-
-    @property
-    def smoothing(self) -> float:
-        """Standard deviation of the Gaussian that smooths ground as much [posts]."""
-        return self.width / math.sqrt(12.0) if self.square else self.width
-
-    def correlation(self, distance: float) -> float:
-        """Of noise at posts so far apart along a row."""
-        if self.square:
-            return max(1.0 - distance / self.width, 0.0)
-        return math.exp(-((0.5 * distance / self.width) ** 2))
-
-    def spectrum(self, across: Array, down: Array) -> Array:
-        """Density of noise over that at long waves."""
-        density = _averaged if self.square else _smoothed
-        return density(across, self.width) * density(down, self.width)
-
-
-_WINDOWS = (
-    *(Window(width=w, square=False) for w in (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)),
-    *(Window(width=w, square=True) for w in (2.5, 3.0, 3.5, 4.0, 5.0)),
-)
-_NARROW = (
-    *(Window(width=w, square=True) for w in (1.0, 1.1, 1.2, 1.35, 1.5, 2.0)),
-    *(Window(width=w, square=False) for w in (0.5, 0.55, 0.6, 0.65, 0.7)),
-)
-"""Noise that is white from post to post, or nearly: folded ground is much like it, and what
-interpolation to the posts left of ground."""
-_EACH = _NARROW[0]
-"""Noise of each post for itself, as rounding adds it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bar:
-    """How much better ground with noise has to fit than ground alone."""
-
-    better: float
-    """χ² over that of ground alone, below which it must be."""
-    share: float
-    """Part of a mean square increment that the noise must have more of."""
-    gain: float
-    """What the difference of χ², times that part, must exceed."""
-
-    def passed(self, misfit: float, alone: float, share: float) -> bool:
-        """Whether a fit is so much better."""
-        gain = (alone - misfit) * share
-        return misfit < self.better * alone and share > self.share and gain > self.gain
-
-
-_CLEAR = Bar(better=0.55, share=0.32, gain=2.0)
-_CLEAR_OF_FEW = Bar(better=0.6, share=0.4, gain=4.0)
-"""Below 160 posts a side."""
-_CLEAR_OF_POINTS = Bar(better=0.35, share=0.0, gain=3.5)
-_DOUBT = Bar(better=0.35, share=0.45, gain=4.0)
-_DOUBT_OF_POINTS = Bar(better=0.5, share=0.0, gain=0.0)
-
-
-def _clear_of_narrow(window: Window) -> Bar:
-    if not window.square:
-        share = 0.72
-    elif window == _EACH:
-        share = 0.5
-    else:
-        share = 0.65 if window.width < 2.0 else 0.6
-    return Bar(better=0.35, share=share, gain=7.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,16 +120,16 @@ class _Alone:
 
     def is_clear(self, fit: _Fit, share: float) -> bool:
         """Whether noise of a fit, which has this part of increments, is to be taken away."""
-        if fit.window in _NARROW:
-            return self._below(fit, share, _clear_of_narrow(fit.window), _CLEAR_OF_POINTS)
-        bar = _CLEAR_OF_FEW if self.few else _CLEAR
+        if fit.window in NARROW:
+            return self._below(fit, share, clear_of_narrow(fit.window), CLEAR_OF_POINTS)
+        bar = CLEAR_OF_FEW if self.few else CLEAR
         return bar.passed(fit.misfit, self.any, share)
 
     def is_in_doubt(self, fit: _Fit, share: float) -> bool:
         """Whether that noise may be there."""
-        if fit.window in _NARROW:
-            return self._below(fit, share, _DOUBT, _DOUBT_OF_POINTS)
-        return _CLEAR.passed(fit.misfit, self.any, share)
+        if fit.window in NARROW:
+            return self._below(fit, share, DOUBT, DOUBT_OF_POINTS)
+        return CLEAR.passed(fit.misfit, self.any, share)
 
     def _below(self, fit: _Fit, share: float, natural: Bar, points: Bar) -> bool:
         return natural.passed(fit.misfit, self.natural, share) and points.passed(
@@ -228,7 +161,7 @@ def find_noise(
     # Where a spectrum falls steeply, what leaks from its neighbours counts.
     fall = -np.gradient(portable.log(quiet), portable.log(number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
-    both = [_fit_noise(tiles, quiet, error, given, of) for of in (_NARROW, _WINDOWS)]
+    both = [_fit_noise(tiles, quiet, error, given, of) for of in (NARROW, WINDOWS)]
     fits = sorted(both, key=lambda fit: fit.misfit)
     if given is not None:
         best = fits[0]
@@ -253,50 +186,18 @@ def find_noise(
         if not found.doubt and alone.is_in_doubt(fit, share):
             found = FoundNoise(doubt=fit.deviation)
     by_steps = step / math.sqrt(12.0)
-    if rounded < 0.55 * bare and _share(heights, trusted, by_steps, _EACH) > 0.5:
-        floor = _floor(heights, trusted, by_steps, _EACH, by_steps**2, given=True)
+    if rounded < 0.55 * bare and _share(heights, trusted, by_steps, EACH) > 0.5:
+        floor = _floor(heights, trusted, by_steps, EACH, by_steps**2, given=True)
         return FoundNoise(floor=floor)
     return found
-
-
-def _gaussian(number: Array, width: float) -> Array:
-    """Spectrum of white noise after a Gaussian of that standard deviation [posts], 1 at 0."""
-    return portable.exp(-((2.0 * math.pi * width * number) ** 2))
-
-
-def _smoothed(number: Array, width: float) -> Array:
-    """Density that a Gaussian leaves of white noise at posts in a row, which fold it, 1 at 0."""
-    few, index = np.unique(number, return_inverse=True)
-    left = sum(_gaussian(few + fold, width) for fold in (-1.0, 0.0, 1.0))
-    smoothed: Array = np.asarray(left)[index].reshape(number.shape)
-    return smoothed
-
-
-def _averaged(number: Array, width: float) -> Array:
-    """Density that a mean over so many posts in a row leaves of white noise.
-
-    Up to two posts only neighbours are alike.
-    """
-    few, index = np.unique(number, return_inverse=True)
-    if width > 2.0:
-        left = [1.0 if n == 0.0 else (_sinc(width * n) / _sinc(n)) ** 2 for n in few.tolist()]
-    else:
-        alike = 2.0 * (1.0 - 1.0 / width)
-        left = [(1.0 + alike * math.cos(2.0 * math.pi * n)) / (1.0 + alike) for n in few.tolist()]
-    averaged: Array = np.array(left)[index].reshape(number.shape)
-    return averaged
-
-
-def _sinc(x: float) -> float:
-    return math.sin(math.pi * x) / (math.pi * x)
 
 
 def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:
     """Shape of the spectrum of pixel means of self-affine ground, for each of some exponents."""
     # A pixel's mean, beside what is folded over at half a cycle per post.
-    pixel = np.array([_sinc(0.8 * n) ** 2 for n in number.tolist()])
+    pixel = np.array([sinc(0.8 * n) ** 2 for n in number.tolist()])
     falling = portable.power(number, -np.asarray(beta)[..., None])
-    shape: Array = falling * pixel * _gaussian(number, smoothed)
+    shape: Array = falling * pixel * gaussian(number, smoothed)
     return shape
 
 
@@ -471,7 +372,7 @@ def _in_all(
     grounds, errors = _ground(tiles.number, _BETAS), tiles.error()
     unlikely = ((_BETAS - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
     fits: dict[Window, tuple[float, float, Array]] = {}
-    for one in _NARROW if window in _NARROW else _WINDOWS:
+    for one in NARROW if window in NARROW else WINDOWS:
         shape = _rings(tiles, one)
         misfits, levels = _fit_levels(grounds, shape, density, errors, None)
         least = int(np.argmin(misfits + unlikely))

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from terrain_forge.base import stage_key
 from terrain_forge.dtm import ArrayDtm, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
-from terrain_forge.dtm.noise_floor import Window as MatcherWindow
+from terrain_forge.dtm.matcher_windows import Window as MatcherWindow
 from terrain_forge.dtm.noise_floor import find_noise
 from terrain_forge.dtm.vertical import height_step
 from terrain_forge.model import MARS, Window
