@@ -2,6 +2,7 @@
 
     OUT/glb/tileset.json                     boxes in boxes, down to the tiles
     OUT/glb/tileset_ROW_COLUMN.json          parts of it, where there are many tiles
+    OUT/glb/pebbles_ROW_COLUMN.glb           pebbles near the paths, on demand, in that frame
     OUT/glb/horizon.glb                      what lies beyond the site, in the tileset's frame
     OUT/tiles/ROW/COLUMN/glb/LEVEL.glb       sixteenth, quarter, full: each takes the other's place
 
@@ -34,6 +35,7 @@ from terrain_forge.geometry import (
     level_of_detail,
     mean_rock_colour,
     merge_in_parts,
+    pebbles_loss,
     rocks_error,
     shifted,
     tile_anchor,
@@ -50,10 +52,12 @@ from terrain_forge.model import (
     TileGrid,
     World,
 )
+from terrain_forge.rocks import require_pebbles, tile_pebbles
 from terrain_forge.writers import Gltf, encode_png, vertex_normals
 
 from .ground import Z_UP_TO_Y_UP, SharedParts, matt
 from .options import Options
+from .pebbles import write_pebbles
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
@@ -180,6 +184,13 @@ def _box(vertices: NDArray[Any]) -> Box:
     return vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
 
 
+def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
+    """Refuse pebbles that the recipe cannot have; tiles share nothing."""
+    del directory
+    if options.pebbles_min_m > 0.0:
+        require_pebbles(world.site, smallest=options.pebbles_min_m)
+
+
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
     """Write tileset.json, and what lies beyond the site; returns what is lost."""
     horizon = tiled.world.horizon
@@ -199,13 +210,27 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
         "Soil and rocks have no maps of fine normals, and rocks one colour for each population.",
-        *untiled_losses(close=options.close_within_m > 0.0, pebbles=options.pebbles_min_m > 0.0),
+        *untiled_losses(close=options.close_within_m > 0.0),
         "The tileset lies in the site's own frame, not on a globe.",
         *horizon_losses(horizon, shown=shown),
     ]
     if shown:
         losses.append(f"It is in {HORIZON}, in the tileset's frame; viewers frame all of that.")
+    if options.pebbles_min_m > 0.0:
+        count = _write_pebbles(tiled, directory, options)
+        losses.append(
+            f"{pebbles_loss(count, options.pebbles_within_m)} They are in files beside the tileset."
+        )
     return tuple(losses)
+
+
+def _write_pebbles(tiled: TiledSite, directory: Path, options: Options) -> int:
+    """Write a file for the pebbles of each tile, for viewers to add; how many there are."""
+    count, smallest, within = 0, options.pebbles_min_m, options.pebbles_within_m
+    for name, world, pebbles in tile_pebbles(tiled, smallest=smallest, within=within):
+        write_pebbles(world, pebbles, directory / f"{name}.glb")
+        count += len(pebbles)
+    return count
 
 
 def _write_horizon(horizon: Horizon, path: Path) -> None:

@@ -192,15 +192,15 @@ def define_rock_look(
     return look
 
 
-def write_pebbles(world: World, rocks: RockField, assets: Path) -> None:
-    """Write `assets`/pebbles.usdc: what is drawn near paths and no part of the world."""
-    stage = new_stage(assets / "pebbles.usdc", "pebbles")
+def write_pebbles(world: World, rocks: RockField, assets: Path, *, name: str = "pebbles") -> None:
+    """Write a layer of `assets`: what is drawn near paths and no part of the world."""
+    stage = new_stage(assets / f"{name}.usdc", name)
     friction = world_friction(world.site.body, Options()).rock
     coarsest = np.array([len(shape.meshes) - 1 for shape in world.library.prototypes])
     for population, tint, some in grouped(rocks, rock_tints(rocks.id, world.site.seed)):
-        path = f"/pebbles/Looks/pebble_{population}_{tint}"
+        path = f"/{name}/Looks/pebble_{population}_{tint}"
         look = define_rock_look(stage, path, world, population, tint, friction, shared=".")
-        path = f"/pebbles/visual_{population}_{tint}"
+        path = f"/{name}/visual_{population}_{tint}"
         define_instancer(
             stage, path, some, world, coarsest[some.prototype], shared=".", kind="pebble"
         )

@@ -28,6 +28,7 @@ from terrain_forge.geometry import (
     grouped,
     horizon_losses,
     level_of_detail,
+    pebbles_loss,
     rock_texture,
     rocks_error,
     shifted,
@@ -35,7 +36,7 @@ from terrain_forge.geometry import (
     untiled_losses,
 )
 from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
-from terrain_forge.rocks import seen_close
+from terrain_forge.rocks import require_pebbles, seen_close, tile_pebbles
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
@@ -43,7 +44,14 @@ from .ground import DETAIL, bind_faces, label_craters, shown_craters, write_hori
 from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
 from .material import add_normal_map, bind, define_textured
 from .options import Options
-from .rocks import define_instancer, define_rock_look, write_library, write_rock_maps, write_rocks
+from .rocks import (
+    define_instancer,
+    define_rock_look,
+    write_library,
+    write_pebbles,
+    write_rock_maps,
+    write_rocks,
+)
 from .writing import define_parts, define_world, write_sky
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
@@ -165,6 +173,8 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
 
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
+    if options.pebbles_min_m > 0.0:
+        require_pebbles(world.site, smallest=options.pebbles_min_m)
     assets = directory / "assets"
     assets.mkdir(exist_ok=True)
     shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())
@@ -186,6 +196,9 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     if shown := options.horizon and horizon is not None:
         write_horizon(horizon, tiled.world.appearance.detail, directory / "assets")
         define_parts(stage, "Horizon", ["horizon"])
+    pebbles = _write_pebbles(tiled, directory / "assets", options)
+    if pebbles:
+        define_parts(stage, "Pebbles", [*pebbles])
     group = UsdGeom.Xform.Define(stage, f"/{ROOT}/Tiles").GetPrim()
     Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
     layer = stage.GetRootLayer()
@@ -198,7 +211,20 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
             prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
             prim.variantSelections["lod"] = [*LEVELS][-1]
     layer.Save()
-    return (*_losses(tiled, options), *horizon_losses(horizon, shown=shown))
+    told = [pebbles_loss(sum(pebbles.values()), options.pebbles_within_m)] if pebbles else []
+    return (*_losses(tiled, options), *told, *horizon_losses(horizon, shown=shown))
+
+
+def _write_pebbles(tiled: TiledSite, assets: Path, options: Options) -> dict[str, int]:
+    """Write a layer for the pebbles of each tile; how many each has."""
+    if options.pebbles_min_m == 0.0:
+        return {}
+    found = {}
+    smallest, within = options.pebbles_min_m, options.pebbles_within_m
+    for name, world, pebbles in tile_pebbles(tiled, smallest=smallest, within=within):
+        write_pebbles(world, pebbles, assets, name=name)
+        found[name] = len(pebbles)
+    return found
 
 
 def _losses(tiled: TiledSite, options: Options) -> list[str]:
@@ -213,6 +239,6 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
         "not in it, and nothing but its ground can be touched.",
         "world.usda shows all tiles at their coarsest: choose the variant `lod` = `full` of those "
         "that a rover drives on.",
-        *untiled_losses(close=options.close_within_m > 0.0, pebbles=options.pebbles_min_m > 0.0),
+        *untiled_losses(close=options.close_within_m > 0.0),
         *collision_losses(tiled.shapes),
     ]

@@ -23,6 +23,7 @@ from terrain_forge.geometry import (
     level_of_detail,
     lie_upright,
     light_levels,
+    pebbles_loss,
     rock_texture,
     static_losses,
     texture_loss,
@@ -161,10 +162,7 @@ def _losses(
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
     if pebbles:
-        losses.append(
-            f"{pebbles} pebbles within {options.pebbles_within_m:g} m of the paths are for "
-            "pictures alone: nothing touches them, and truth does not count them."
-        )
+        losses.append(pebbles_loss(pebbles, options.pebbles_within_m))
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")
     if world.trajectories:

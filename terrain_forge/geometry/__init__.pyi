@@ -36,6 +36,7 @@ from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss
 from .losses import friction_losses as friction_losses
+from .losses import pebbles_loss as pebbles_loss
 from .losses import rock_look_losses as rock_look_losses
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss

@@ -21,14 +21,18 @@ from terrain_forge.model import (
 PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
 
 
-def untiled_losses(*, close: bool, pebbles: bool) -> list[str]:
+def untiled_losses(*, close: bool) -> list[str]:
     """What a site in tiles leaves out of what is asked for near paths, of which no tile knows."""
-    asked = {"close_within_m": close, "pebbles_min_m": pebbles}
-    return [
-        f"{name} has no effect: tiles are made before the paths, and know of none."
-        for name, wanted in asked.items()
-        if wanted
-    ]
+    told = "close_within_m has no effect: tiles are made before the paths, and know of none."
+    return [told] * close
+
+
+def pebbles_loss(count: int, within: float) -> str:
+    """What pebbles up to a distance [m] from paths are not."""
+    return (
+        f"{count} pebbles within {within:g} m of the paths are for pictures alone: nothing "
+        "touches them, and truth does not count them."
+    )
 
 
 def detail_loss(detail: GroundDetail) -> str:

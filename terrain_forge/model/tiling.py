@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -129,6 +129,9 @@ class TiledSite:
     """The world of a corner of it, for what all tiles share: shapes, colours, light."""
     tiles: tuple[BuiltTile, ...]
     """Its tiles in their order."""
+    near_paths: Callable[[float], Iterator[tuple[BuiltTile, World]]]
+    """The tiles that lie no farther than so far from a path [m], each as a world with all paths,
+    made anew."""
 
     @property
     def shapes(self) -> tuple[RockPrototype, ...]:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask
-from terrain_forge.model import CLOSE_MIN_M, Tile, World
+from terrain_forge.model import CLOSE_MIN_M, Tile, Trajectory, World
 
 _STEP = 0.1  # along paths [m]
 
 
-def path_points(world: World) -> Array:
-    """Points along all paths, 0.1 m apart, east and north [m], shape [points, 2]."""
+def path_points(paths: Iterable[Trajectory]) -> Array:
+    """Points along paths, 0.1 m apart, east and north [m], shape [points, 2]."""
     points = [np.empty((0, 2))]
-    for trajectory in world.trajectories:
+    for trajectory in paths:
         line = trajectory.position[:, :2]
         steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
         far = np.concatenate([[0.0], np.cumsum(steps)])
@@ -29,7 +30,7 @@ def path_distance(world: World, places: Array) -> Array:
     """Distances of places (east, north [m]) to the nearest path [m]; infinite without one."""
     from scipy.spatial import KDTree
 
-    points = path_points(world)
+    points = path_points(world.trajectories)
     if not len(points) or not len(places):
         return np.full(len(places), np.inf)
     return np.asarray(KDTree(points).query(places)[0])
@@ -66,7 +67,9 @@ def cells_near_paths(tile: Tile, *, within: float) -> Mask:
         return np.zeros(cells, np.bool_)
     reach = math.ceil(within / ground.spacing) + 1
     away = np.ones((cells[0] + 2 * reach, cells[1] + 2 * reach), np.bool_)
-    places = np.floor((path_points(tile.whole) - ground.origin) / ground.spacing).astype(np.int64)
+    places = np.floor(
+        (path_points(tile.whole.trajectories) - ground.origin) / ground.spacing
+    ).astype(np.int64)
     column, row = (places + reach).T
     inside = (row >= 0) & (row < away.shape[0]) & (column >= 0) & (column < away.shape[1])
     away[row[inside], column[inside]] = False

@@ -7,6 +7,7 @@ that has them among its rocks is for cameras and lidars alone.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, checked, mix, stage_key
-from terrain_forge.model import RockField, World, merge
+from terrain_forge.model import RockField, Site, TiledSite, World, merge, owned
 from terrain_forge.rocks.near_paths import path_distance, path_points
 
 MOST_PEBBLES = 2_000_000
@@ -33,7 +34,7 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     Raises:
         ExportError: if no law tells their number, or if there would be too many.
     """
-    law, largest = _law(world, smallest)
+    law, largest = _law(world.site, smallest, paths=bool(world.trajectories))
     density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
     cells = _cells(world, within)
     expected = density * _CELL**2 * len(cells)
@@ -56,6 +57,21 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
 
 
+def tile_pebbles(
+    tiled: TiledSite, *, smallest: float, within: float
+) -> Iterator[tuple[str, World, RockField]]:
+    """The pebbles of a site in tiles, tile by tile, as `path_pebbles` has them.
+
+    Returns:
+        A name for those of a tile, its world, and the pebbles, which lie in no other tile.
+    """
+    for tile, world in tiled.near_paths(within):
+        laid = path_pebbles(world, smallest=smallest, within=within)
+        own = laid.select(owned(laid, world.ground, tiled.site.bounds))
+        if len(own):
+            yield f"pebbles_{tile.row:03}_{tile.column:03}", world, own
+
+
 @checked
 def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World:
     """The world as pictures and sensors near its paths see it: with pebbles among its rocks.
@@ -74,10 +90,19 @@ def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World
     return world.replace(field=merge(world.field, pebbles))
 
 
-def _law(world: World, smallest: float) -> tuple[Any, float]:
+def require_pebbles(site: Site, *, smallest: float) -> None:
+    """Refuse pebbles from a diameter [m] on that a site's recipe cannot have.
+
+    Raises:
+        ExportError: if no law tells their number, or there is no path.
+    """
+    _law(site, smallest, paths=bool(site.recipe.paths))
+
+
+def _law(site: Site, smallest: float, *, paths: bool) -> tuple[Any, float]:
     """The law that goes on below the smallest rocks, and their diameter [m]."""
-    populations = world.site.recipe.rocks.populations
-    if not populations or not world.trajectories:
+    populations = site.recipe.rocks.populations
+    if not populations or not paths:
         raise ExportError(
             "pebbles lie near paths in the number that a population's law gives; the recipe has no "
             f"{'path' if populations else 'population'}"
@@ -108,7 +133,7 @@ def _smallest(population: Any) -> float:
 def _cells(world: World, within: float) -> Array:
     """Columns and rows of the squares that reach within a distance of a path."""
     reach = int(np.ceil(within / _CELL)) + 1
-    on_path = np.unique(np.floor(path_points(world) / _CELL).astype(np.int64), axis=0)
+    on_path = np.unique(np.floor(path_points(world.trajectories) / _CELL).astype(np.int64), axis=0)
     bounds = np.floor(np.array(world.ground.bounds) / _CELL).astype(np.int64)
     axes = [np.arange(bounds[n], bounds[n + 2] + 1) for n in (0, 1)]
     if len(on_path) * (2 * reach + 1) ** 2 < len(axes[0]) * len(axes[1]):

@@ -140,7 +140,7 @@ def build_tiles(
             paths = lay_paths(order, watch)
             driven = order.site.recipe.validate and order.site.recipe.validate.drive_spec
             passed = not driven or drive_far(order, paths, driven, watch)
-            joined = join(order, watch)
+            joined = join(order, paths, watch)
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
             write_manifest(order, joined["manifest"])

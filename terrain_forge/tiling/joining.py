@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
 from terrain_forge.building import foreign_files, lists_outputs
 from terrain_forge.dtm import open_dataset
-from terrain_forge.model import BuiltTile, Export, TiledSite, Window, World
+from terrain_forge.model import BuiltTile, Export, TiledSite, Trajectory, Window, World
 from terrain_forge.recipe import sha256
+from terrain_forge.rocks import path_points
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
 from terrain_forge.tiling.making import digest_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
@@ -64,8 +68,8 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     )
 
 
-def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
-    """Bring the tiles together; returns the site's manifest.
+def join(order: TileOrder, paths: tuple[Trajectory, ...], watch: Stopwatch) -> dict[str, Any]:
+    """Bring the tiles and paths together; returns the site's manifest.
 
     Raises:
         OutputError: for a tile that is damaged.
@@ -85,9 +89,9 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         watch(f"joining: {export.folder}")
         exporter, options = export.opened()
         folder = out / export.folder
-        tiled = TiledSite(
-            site=site, grid=order.grid, world=world, tiles=tuple(_built(order, export))
-        )
+        tiles = tuple(_built(order, export))
+        near = partial(_near_paths, order, paths, tiles)
+        tiled = TiledSite(site=site, grid=order.grid, world=world, tiles=tiles, near_paths=near)
         losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
         exports[export.folder] = {
             "kind": export.kind, "options": export.options, "losses": [*losses]
@@ -108,6 +112,25 @@ def join(order: TileOrder, watch: Stopwatch) -> dict[str, Any]:
         "outputs": {name: sha256(out / name) for name in _outputs(order, exports)},
     }  # fmt: skip
     return {"manifest": manifest, "verification": verification}
+
+
+def _near_paths(
+    order: TileOrder, paths: tuple[Trajectory, ...], tiles: tuple[BuiltTile, ...], within: float
+) -> Iterator[tuple[BuiltTile, World]]:
+    """The tiles that lie no farther than `within` [m] from a path, as worlds with all paths."""
+    site, grid = order.site, order.grid
+    away = np.array([[-within, -within], [within, within]])
+    cell = grid.cells * site.spacing
+    found: set[int] = set()
+    for path in paths:
+        around = (path_points([path])[:, None] + away - (site.west, site.south)) / cell
+        low, high = np.unique(np.floor(around).astype(np.int64), axis=0).transpose(1, 0, 2)
+        for (west, south), (east, north) in zip(low.tolist(), high.tolist(), strict=True):
+            rows = range(max(south, 0), min(north + 1, grid.up))
+            columns = range(max(west, 0), min(east + 1, grid.across))
+            found.update(row * grid.across + column for row in rows for column in columns)
+    for number in sorted(found):
+        yield tiles[number], world_of(order, grid.window(number)).replace(trajectories=paths)
 
 
 def _join_truth(order: TileOrder) -> None:

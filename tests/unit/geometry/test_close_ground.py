@@ -15,8 +15,7 @@ from terrain_forge.exporters.usd import export as export_usd
 
 from terrain_forge.geometry import bake_ground, close_ground, close_patches
 from terrain_forge.geometry.close_ground import close_pixel
-from terrain_forge.rocks import cells_near_paths
-from terrain_forge.rocks.near_paths import path_points
+from terrain_forge.rocks import cells_near_paths, path_points
 from tests.helpers.worlds import of_materials
 
 WITHIN = 1.5
@@ -49,7 +48,9 @@ def test_cells_near_paths_are_those_within_reach(world):
         assert near.shape == (ground.shape[0] - 1, ground.shape[1] - 1)
         rows, columns = np.indices(near.shape) + 0.5
         places = np.stack([columns, rows], axis=-1) * ground.spacing + ground.origin
-        away = np.linalg.norm(places[:, :, None] - path_points(world), axis=3).min(axis=2)
+        away = np.linalg.norm(places[:, :, None] - path_points(world.trajectories), axis=3).min(
+            axis=2
+        )
         assert near[away < WITHIN - 1.5 * ground.spacing].all()
         assert not near[away > WITHIN + 1.5 * ground.spacing].any()
     assert not cells_near_paths(next(world.tiles()), within=0.0).any()

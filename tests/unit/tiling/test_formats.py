@@ -13,11 +13,13 @@ import pytest
 
 import terrain_forge as tf
 from terrain_forge.geometry import untiled_losses
+from terrain_forge.rocks import path_pebbles
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
 from tests.unit.tiling.conftest import write_recipe
 
+INSTANCING = "EXT_mesh_gpu_instancing"
 LEVELS = ("full", "quarter", "sixteenth")
 
 
@@ -267,6 +269,52 @@ def test_losses_of_tiles_tell_what_they_leave_out(built):
 
 
 def test_what_tiles_do_not_draw_near_paths_is_told():
-    told = untiled_losses(close=True, pebbles=True)
-    assert [line.partition(" ")[0] for line in told] == ["close_within_m", "pebbles_min_m"]
-    assert untiled_losses(close=False, pebbles=False) == []
+    assert [line.partition(" ")[0] for line in untiled_losses(close=True)] == ["close_within_m"]
+    assert untiled_losses(close=False) == []
+
+
+def test_pebbles_of_tiles_are_those_of_the_whole(tmp_path):
+    """Each once, in the tile that it lies in; in GLB as in USD."""
+    from pxr import Usd, UsdGeom
+
+    path = write_recipe(
+        tmp_path,
+        exports="",
+        **{
+            "exports: []": "exports: {usd: {pebbles_min_m: 0.06}, glb: {pebbles_min_m: 0.06}}\n"
+            "paths: [{name: p, speed_m_s: 0.5, route: {kind: spline, "
+            "points_m: [[-20, -10], [0, 5], [20, 12]]}}]"
+        },
+    )
+    recipe = tf.load_recipe(path).recipe
+    site = tmp_path / "site"
+    tf.build(recipe, site, workers=0)
+    whole = tf.realise(tf.plan(recipe))
+    wanted = path_pebbles(whole, smallest=0.06, within=2.0)
+    wanted = wanted.position[np.lexsort(wanted.position.T)]
+    stage = Usd.Stage.Open(str(site / "usd/world.usda"))
+    tiles = stage.GetPrimAtPath("/World/Pebbles").GetChildren()
+    assert len(tiles) > 1
+    found = np.concatenate(
+        [
+            np.array(UsdGeom.PointInstancer(prim).GetPositionsAttr().Get(), np.float64)
+            for prim in Usd.PrimRange(stage.GetPrimAtPath("/World/Pebbles"))
+            if prim.IsA(UsdGeom.PointInstancer)
+        ]
+    )
+    assert not stage.GetCompositionErrors()
+    assert len(found) == len(wanted) > 20
+    assert np.allclose(found[np.lexsort(found.T)], wanted, rtol=0, atol=1e-5)
+    files = sorted(path.stem for path in site.glob("glb/pebbles_*.glb"))
+    assert files == sorted(prim.GetName() for prim in tiles)
+    assert sum(_instances(read_glb(site / f"glb/{name}.glb")[0]) for name in files) == len(wanted)
+    manifest = json.loads((site / "manifest.json").read_text())
+    for kind in ("usd", "glb"):
+        assert any(f"{len(wanted)} pebbles" in one for one in manifest["exports"][kind]["losses"])
+
+
+def _instances(told: dict) -> int:
+    """How many things a GLB draws by EXT_mesh_gpu_instancing."""
+    parts = [node.get("extensions", {}).get(INSTANCING) for node in told["nodes"]]
+    places = [part["attributes"]["TRANSLATION"] for part in parts if part]
+    return sum(told["accessors"][place]["count"] for place in places)
