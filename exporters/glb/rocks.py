@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import inlined, kernel, xyzw
 from terrain_forge.geometry import (
+    coloured_parts,
     grouped,
     lie_upright,
-    merge_in_parts,
     rock_factors,
     rock_maps,
     rock_texture,
     surface,
-    vertex_dust,
 )
 from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World
 from terrain_forge.scene import rock_tints
@@ -28,7 +27,6 @@ from terrain_forge.writers import (
     encode_png,
     put_integer,
     put_number,
-    vertex_normals,
 )
 
 from .ground import matt, tile_corner
@@ -136,14 +134,11 @@ def merged_rocks(
     corner = tile_corner(tile)
     nodes = []
     for population, rocks in grouped(tile.field):
-        parts = merge_in_parts(rocks, shapes, tile.whole.ground)
-        for number, (vertices, faces) in enumerate(parts):
+        parts = coloured_parts(rocks, shapes, tile.whole)
+        for number, (vertices, normals, faces, colours) in enumerate(parts):
             part = f"_{number}" if number else ""
             name = f"{tile.name('rocks')}_{rocks.populations[population]}{part}"
-            places = vertices - corner
-            normals, indices = vertex_normals(places, faces), gltf.add_indices(faces)
-            primitive = gltf.add_primitive(places, normals, indices)
-            colours = vertex_dust(tile.whole, population, normals[:, 2])
+            primitive = gltf.add_primitive(vertices - corner, normals, gltf.add_indices(faces))
             primitive["attributes"]["COLOR_0"] = gltf.add_colours(colours)
             primitive["material"] = materials[population]
             mesh = gltf.add("meshes", {"name": name, "primitives": [primitive]})

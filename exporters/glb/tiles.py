@@ -13,7 +13,6 @@ whose z axis is up, as 3D Tiles have it. OGC 22-025r4, 3D Tiles Specification 1.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -26,6 +25,7 @@ from terrain_forge.geometry import (
     GroundLevel,
     bake_ground,
     coarse_shape,
+    coloured_parts,
     finest_texture,
     grid_normals,
     grid_texture_coordinates,
@@ -33,14 +33,12 @@ from terrain_forge.geometry import (
     grouped,
     horizon_losses,
     level_of_detail,
-    mean_rock_colour,
-    merge_in_parts,
+    lightest_rock_colour,
     pebbles_loss,
     rocks_error,
     shifted,
     tile_anchor,
     untiled_losses,
-    vertex_dust,
 )
 from terrain_forge.model import (
     BuiltTile,
@@ -53,7 +51,7 @@ from terrain_forge.model import (
     World,
 )
 from terrain_forge.rocks import require_pebbles, tile_pebbles
-from terrain_forge.writers import Gltf, encode_png, vertex_normals
+from terrain_forge.writers import Gltf, encode_png
 
 from .ground import Z_UP_TO_Y_UP, SharedParts, matt
 from .options import Options
@@ -144,16 +142,18 @@ def _write_level(
         primitive["material"] = material
         gltf.add("meshes", {"name": "ground", "primitives": [primitive]})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
-        for population, name, vertices, faces in _merged(rocks, shapes, local):
-            rgb = mean_rock_colour(tile.world, population, dusty=True).tolist()
-            normals = vertex_normals(vertices, faces)
-            piece = gltf.add_primitive(vertices, normals, gltf.add_indices(faces))
-            colours = vertex_dust(tile.world, population, normals[:, 2])
-            piece["attributes"]["COLOR_0"] = gltf.add_colours(colours)
-            piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
-            mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
-            nodes.append({"name": name, "mesh": mesh})
-            boxes.append(_box(vertices))
+        for population, some in grouped(rocks):
+            rgb = lightest_rock_colour(tile.world, population).tolist()
+            parts = coloured_parts(some, shapes, local)
+            for number, (vertices, normals, faces, colours) in enumerate(parts):
+                name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
+                places = vertices.astype(np.float32)
+                piece = gltf.add_primitive(places, normals, gltf.add_indices(faces))
+                piece["attributes"]["COLOR_0"] = gltf.add_colours(colours)
+                piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
+                mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
+                nodes.append({"name": name, "mesh": mesh})
+                boxes.append(_box(places))
         _write_asset(gltf, path, nodes)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
@@ -168,16 +168,6 @@ def _write_asset(gltf: Gltf, path: Path, nodes: list[dict[str, Any]]) -> None:
         scene=0,
         scenes=[{"nodes": [0]}],
     )
-
-
-def _merged(
-    rocks: RockField, shapes: list[Mesh], local: World
-) -> Iterator[tuple[int, str, NDArray[np.float32], NDArray[np.int32]]]:
-    """The rocks as meshes, one or a few for each population."""
-    for population, some in grouped(rocks):
-        for number, (vertices, faces) in enumerate(merge_in_parts(some, shapes, local.ground)):
-            name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
-            yield population, name, vertices.astype(np.float32), faces
 
 
 def _box(vertices: NDArray[Any]) -> Box:
@@ -209,7 +199,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
-        "Soil and rocks have no maps of fine normals, and rocks one colour for each population.",
+        "Soil and rocks have no maps of fine normals; a rock has one colour, and dust on top.",
         *untiled_losses(close=options.close_within_m > 0.0),
         "The tileset lies in the site's own frame, not on a globe.",
         *horizon_losses(horizon, shown=shown),

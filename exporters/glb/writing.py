@@ -17,7 +17,7 @@ from terrain_forge.geometry import (
     close_loss,
     detail_loss,
     level_of_detail,
-    mean_rock_colour,
+    lightest_rock_colour,
     texture_loss,
     with_horizon_loss,
 )
@@ -105,7 +105,7 @@ def _tiles(
     materials = [
         gltf.add(
             "materials",
-            matt(f"{name}_mean", rgb=mean_rock_colour(world, n, dusty=True).tolist()),
+            matt(f"{name}_merged", rgb=lightest_rock_colour(world, n).tolist()),
         )
         for n, name in enumerate(names)
     ]

@@ -21,11 +21,12 @@ from terrain_forge.base import image_rows, portable, srgb_from_linear, worker_th
 from terrain_forge.geometry import (
     bake_tile,
     cell_bands,
+    coloured_parts,
     grid_faces,
     grid_vertices,
     grouped,
     lie_upright,
-    mean_rock_colour,
+    lightest_rock_colour,
     mean_rock_srgb,
     merge_in_parts,
     node_bands,
@@ -33,10 +34,9 @@ from terrain_forge.geometry import (
     rock_maps,
     rock_texture,
     skin,
-    vertex_dust,
     write_ground_obj,
 )
-from terrain_forge.model import Tile, World, rotations
+from terrain_forge.model import Mesh, RockField, Tile, World, rotations
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     Floats,
@@ -89,6 +89,12 @@ class Part:
 
     def merged_rocks(self) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.int32]]]:
         """The rocks' meshes, tile by tile: population, vertices [m] and faces."""
+        for population, rocks, shapes in self.rocks():
+            for vertices, faces in merge_in_parts(rocks, shapes, self.tile.whole.ground):
+                yield population, vertices, faces
+
+    def rocks(self) -> Iterator[tuple[int, RockField, list[Mesh]]]:
+        """The rocks, tile by tile: population, rocks, and the mesh that stands for each shape."""
         if self.options.rocks == "none":
             return
         prototypes = self.tile.whole.library.prototypes
@@ -97,9 +103,7 @@ class Part:
         for tile in self.tile.world.tiles(cells=self.options.tile_cells):
             large = tile.field.diameter >= self.options.finest_min_m
             for population, fine, rocks in grouped(tile.field, large):
-                shapes = finest if fine else coarse
-                for vertices, faces in merge_in_parts(rocks, shapes, self.tile.whole.ground):
-                    yield population, vertices, faces
+                yield population, rocks, finest if fine else coarse
 
 
 def write_obj_part(part: Part, path: Path) -> MattMaterial:
@@ -247,22 +251,18 @@ def write_ply_part(part: Part, path: Path) -> None:
             _write_vertices(file, grid_vertices(band), rgb)
         for span, band in cell_bands(ground):
             _write_faces(faces, grid_faces(*band.shape) + np.int32(span.start * columns))
-        for population, vertices, corners in part.merged_rocks():
-            _write_vertices(file, vertices, _dusted(part.tile.whole, population, vertices, corners))
-            _write_faces(faces, corners + np.int32(vertex_count))
-            vertex_count += len(vertices)
-            face_count += len(corners)
+        for population, rocks, shapes in part.rocks():
+            lightest = lightest_rock_colour(part.tile.whole, population)
+            for vertices, _, corners, colours in coloured_parts(rocks, shapes, part.tile.whole):
+                shown = srgb_from_linear(lightest * colours[:, :3] / 255.0)
+                _write_vertices(file, vertices, np.rint(255.0 * shown))
+                _write_faces(faces, corners + np.int32(vertex_count))
+                vertex_count += len(vertices)
+                face_count += len(corners)
         faces.seek(0)
         shutil.copyfileobj(faces, file, 1 << 20)
         file.seek(0)
         file.write(_header(vertex_count, face_count))
-
-
-def _dusted(world: World, population: int, vertices: Floats, faces: Indices) -> NDArray[np.float64]:
-    """SRGB of merged rocks' vertices, 0 to 255: their mean colour under the dust on what rises."""
-    dust = vertex_dust(world, population, vertex_normals(vertices, faces)[:, 2])[:, :3] / 255.0
-    bright = mean_rock_colour(world, population, dusty=True)
-    return np.asarray(np.rint(255.0 * srgb_from_linear(bright * dust)))
 
 
 def _write_vertices(file: BinaryIO, vertices: Floats, rgb: ArrayLike) -> None:

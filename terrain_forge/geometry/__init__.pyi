@@ -43,14 +43,14 @@ from .losses import texture_loss as texture_loss
 from .losses import touched_shapes as touched_shapes
 from .losses import untiled_losses as untiled_losses
 from .rock_materials import lie_upright as lie_upright
-from .rock_materials import mean_rock_colour as mean_rock_colour
+from .rock_materials import lightest_rock_colour as lightest_rock_colour
 from .rock_materials import mean_rock_srgb as mean_rock_srgb
 from .rock_materials import rock_factors as rock_factors
 from .rock_materials import rock_maps as rock_maps
 from .rock_materials import rock_texture as rock_texture
 from .rock_materials import skin as skin
-from .rock_materials import vertex_dust as vertex_dust
 from .rock_mesh import coarse_shape as coarse_shape
+from .rock_mesh import coloured_parts as coloured_parts
 from .rock_mesh import grouped as grouped
 from .rock_mesh import largest_outline_error as largest_outline_error
 from .rock_mesh import level_of_detail as level_of_detail

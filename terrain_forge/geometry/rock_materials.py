@@ -16,7 +16,7 @@ from terrain_forge.scene import (
     DUST_VALUE,
     SOILED,
     dust_share,
-    dusty_factors,
+    dusty_tints,
     soil_colour,
     tint_colours,
 )
@@ -117,39 +117,36 @@ def rock_factors(world: World, population: int) -> Array:
     return np.asarray(colours / np.maximum(colours.max(axis=0), 1e-9))
 
 
-def vertex_dust(world: World, population: int, up: Array) -> NDArray[np.uint8]:
-    """Linear colours of vertices by the dust that lies on them, opaque, shape [vertices, 4].
+def vertex_colours(
+    world: World, population: int, tints: NDArray[np.int64], up: Array
+) -> NDArray[np.uint8]:
+    """Linear colours of rocks' vertices under the dust that lies on them, shape [vertices, 4].
 
-    They multiply a colour that has all of the dust. Dust lies as our own pictures have it.
+    They are opaque, and multiply `lightest_rock_colour`. Dust lies as our own pictures have it.
 
     Args:
         world: The world.
         population: Whose rocks.
-        up: How far the vertices' normals rise, -1 to 1, shape [vertices]; -1 where no dust lies.
+        tints: Which of its colours the rock of each vertex has, shape [vertices].
+        up: How far the vertices' normals rise, -1 to 1, shape [vertices].
     """
     rises = np.linspace(-1.0, 1.0, 2 * _RISES + 1)  # looked up, not computed for each vertex
-    share = dusty_factors(world, population, rises) / _lightest(world, population)
-    opaque = np.ones((len(rises), 1))
-    table = np.rint(255.0 * np.minimum(np.hstack([share, opaque]), 1.0)).astype(np.uint8)
+    lightest = np.maximum(lightest_rock_colour(world, population), 1e-9)
+    shares = dusty_tints(world, population, rises) / lightest
+    table = np.ones((*shares.shape[:2], 4))
+    table[..., :3] = shares
     rounded = np.clip(np.rint(_RISES * up), -_RISES, _RISES).astype(np.intp)
-    return np.asarray(table[rounded + _RISES])
+    bytes_ = np.rint(255.0 * np.minimum(table, 1.0)).astype(np.uint8)
+    return np.asarray(bytes_[tints, rounded + _RISES])
 
 
-def _lightest(world: World, population: int) -> Array:
-    """The largest that dust can make of a population's colours, at least 1, shape [3]."""
-    return np.asarray(np.maximum(dusty_factors(world, population, np.ones(1))[0], 1.0))
-
-
-def mean_rock_colour(world: World, population: int, *, dusty: bool = False) -> Array:
-    """Mean linear colour of a population's rocks, 0 to 1, shape [3]: for those without texture.
-
-    With all of the dust where it is `dusty`, for those whose vertices multiply it by `vertex_dust`.
-    """
-    mean = tint_colours(world)[population].mean(axis=0)
-    return np.asarray(np.minimum(mean * _lightest(world, population), 1.0) if dusty else mean)
+def lightest_rock_colour(world: World, population: int) -> Array:
+    """The lightest that a population's rocks are in each channel, linear, 0 to 1, shape [3]."""
+    bare_and_dusty = dusty_tints(world, population, np.array([-1.0, 1.0]))
+    return np.asarray(np.minimum(bare_and_dusty.max(axis=(0, 1)), 1.0))
 
 
 def mean_rock_srgb(world: World, population: int) -> list[float]:
-    """`mean_rock_colour` as sRGB, 0 to 1."""
-    colour: list[float] = srgb_from_linear(mean_rock_colour(world, population)).tolist()
+    """Mean colour of a population's rocks, sRGB, 0 to 1: for those of a single one."""
+    colour: list[float] = srgb_from_linear(tint_colours(world)[population].mean(axis=0)).tolist()
     return colour

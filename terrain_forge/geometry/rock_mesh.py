@@ -11,8 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, fibonacci_sphere, inner, kernel, portable
-from terrain_forge.geometry.rock_materials import skin
-from terrain_forge.model import Heightfield, Mesh, RockField, RockPrototype, TexturedMesh, rotations
+from terrain_forge.geometry.rock_materials import skin, vertex_colours
+from terrain_forge.model import (
+    Heightfield,
+    Mesh,
+    RockField,
+    RockPrototype,
+    TexturedMesh,
+    World,
+    rotations,
+)
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import Gltf, index_corners, vertex_normals, write_obj
 
 # A face goes only where it is this fraction of the rock's diameter under the ground.
@@ -64,19 +73,29 @@ def merge_rocks(
     Returns:
         Vertices in the world frame [m], shape [vertices, 3], and corner indices, shape [faces, 3].
     """
+    vertices, faces, _ = _merged(field, shapes, ground)
+    return vertices, faces
+
+
+def _merged(
+    field: RockField, shapes: Sequence[Mesh], ground: Heightfield
+) -> tuple[Array, NDArray[np.int32], NDArray[np.int64]]:
+    """As `merge_rocks`, and how many vertices each rock has, shape [rocks]."""
     points, first_point = _joined([shape.vertices for shape in shapes])
     corners, first_face = _joined([shape.faces for shape in shapes])
     turn_and_scale = rotations(field) * field.scale[:, None, None]
     vertices = np.empty((np.diff(first_point)[field.prototype].sum(), 3))
     faces = np.empty((np.diff(first_face)[field.prototype].sum(), 3), dtype=np.int32)
+    ends = np.empty(len(field), np.int64)
     used_vertices, used_faces = _merge(
         vertices,
         faces,
+        ends,
         (points, first_point, corners, first_face),
         (field.prototype, field.position, turn_and_scale, _BURIED_MARGIN * field.diameter),
         (ground.elevation, ground.origin[0], ground.origin[1], ground.spacing),
     )
-    return vertices[:used_vertices], faces[:used_faces]
+    return vertices[:used_vertices], faces[:used_faces], np.diff(ends, prepend=0)
 
 
 def merge_in_parts(
@@ -86,11 +105,29 @@ def merge_in_parts(
 
     Parts without a face above the ground are left out.
     """
-    for first in range(0, len(field), PART):
-        rows = np.arange(first, min(first + PART, len(field)))
+    for rows in _parts(field):
         vertices, faces = merge_rocks(field.select(rows), shapes, ground)
         if len(faces):
             yield vertices, faces
+
+
+def coloured_parts(
+    rocks: RockField, shapes: Sequence[Mesh], world: World
+) -> Iterator[tuple[Array, Array, NDArray[np.int32], NDArray[np.uint8]]]:
+    """`merge_in_parts` of rocks of one population, with normals and each rock's own colour.
+
+    Returns:
+        Vertices [m], normals, faces, and what of `lightest_rock_colour` each vertex has, as
+        `vertex_colours`.
+    """
+    for rows in _parts(rocks):
+        some = rocks.select(rows)
+        vertices, faces, counts = _merged(some, shapes, world.ground)
+        if len(faces):
+            normals = vertex_normals(vertices, faces)
+            tints = np.repeat(rock_tints(some.id, world.site.seed), counts)
+            colours = vertex_colours(world, int(some.population[0]), tints, normals[:, 2])
+            yield vertices, normals, faces, colours
 
 
 def write_rocks_glb(
@@ -165,6 +202,12 @@ def grouped(field: RockField, *keys: NDArray[Any]) -> Iterator[tuple[Any, ...]]:
         yield *group, field.select((table == group).all(axis=1))
 
 
+def _parts(field: RockField) -> Iterator[NDArray[np.int64]]:
+    """Rows of the rocks of each part."""
+    for first in range(0, len(field), PART):
+        yield np.arange(first, min(first + PART, len(field)))
+
+
 def _joined(arrays: Sequence[NDArray[np.generic]]) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
     """Arrays one after the other, and where each begins (one more entry: the end)."""
     return np.concatenate(arrays), np.cumsum([0, *map(len, arrays)])
@@ -191,7 +234,7 @@ def _depth(ground, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _merge(vertices, faces, shapes, rocks, ground):  # type: ignore[no-untyped-def]
+def _merge(vertices, faces, ends, shapes, rocks, ground):  # type: ignore[no-untyped-def]
     points, first_point, corners, first_face = shapes
     prototypes, positions, matrices, margins = rocks
     largest = 0
@@ -223,4 +266,5 @@ def _merge(vertices, faces, shapes, rocks, ground):  # type: ignore[no-untyped-d
                     vertex_count += 1
                 faces[face_count, place] = index[n]
             face_count += 1
+        ends[rock] = vertex_count
     return vertex_count, face_count

@@ -47,7 +47,7 @@ from .tints import DUST_VALUE as DUST_VALUE
 from .tints import SOILED as SOILED
 from .tints import dust_on as dust_on
 from .tints import dust_share as dust_share
-from .tints import dusty_factors as dusty_factors
+from .tints import dusty_tints as dusty_tints
 from .tints import rock_tints as rock_tints
 from .tints import soil_colour as soil_colour
 from .tints import soil_of as soil_of

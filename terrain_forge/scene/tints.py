@@ -51,13 +51,13 @@ def tints_of(bare: Array, soil: Array) -> Array:
     return np.asarray(np.minimum(colours + dust * (soil - colours), 1.0))
 
 
-def dusty_factors(world: World, population: int, up: Array) -> Array:
-    """What dust makes of the mean colour of a population's rocks, shape [faces, 3].
+def dusty_tints(world: World, population: int, up: Array) -> Array:
+    """What dust makes of the colours of a population's rocks, shape [TINTS, faces, 3].
 
     `up` is how far the faces' normals rise, -1 to 1, shape [faces].
     """
-    mean = np.maximum(tint_colours(world)[population].mean(axis=0), 1e-3)
-    return np.asarray(1.0 + dust_share(world, up)[:, None] * (soil_colour(world) / mean - 1.0))
+    bare, share = tint_colours(world)[population][:, None, :], dust_share(world, up)[:, None]
+    return np.asarray(bare + share * (soil_colour(world) - bare))
 
 
 def dust_share(world: World, up: Array) -> Array:

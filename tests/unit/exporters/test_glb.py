@@ -12,7 +12,7 @@ from terrain_forge.exporters.glb.rocks import node_texts
 from terrain_forge.base import ExportError, linear_from_srgb, xyzw
 from terrain_forge.geometry import rock_maps, rock_texture, skin
 from terrain_forge.model import rotations
-from terrain_forge.scene import dusty_factors, rock_tints, tint_colours
+from terrain_forge.scene import rock_tints, tint_colours
 from tests.helpers.ground_pictures import (
     PIXELS,
     detailed,
@@ -190,15 +190,15 @@ def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
     assert np.array_equal(rough[..., 1], roughness)
 
 
-def test_dust_lies_on_top_of_merged_rocks_and_nowhere_else(small_world, glb):
-    """What factor and vertices show together is the colour of rock below, mostly soil above."""
+def test_merged_rocks_have_their_own_colours_and_dust_on_top(small_world, glb):
+    """What factor and vertices show together is a rock's colour below, mostly soil above."""
     text, _ = chunks(glb)
     soil = linear_from_srgb(small_world.site.body.ground_rgb)
     looks = {look["name"]: look for look in text["materials"]}
-    seen = False
+    corners = {node["name"]: node["translation"] for node in text["nodes"] if "translation" in node}
+    seen = 0
     for population, name in enumerate(small_world.field.populations):
-        mean = tint_colours(small_world)[population].mean(axis=0)
-        lit = np.maximum(dusty_factors(small_world, population, np.ones(1))[0], 1.0)
+        bare = tint_colours(small_world)[population]
         for mesh in text["meshes"]:
             if f"_{name}" not in mesh["name"] or "rock_shape" in mesh["name"]:
                 continue
@@ -206,14 +206,19 @@ def test_dust_lies_on_top_of_merged_rocks_and_nowhere_else(small_world, glb):
             colours = array(glb, part["COLOR_0"])
             up = array(glb, part["NORMAL"])[:, 2]
             assert (colours[:, 3] == 255).all()
-            shown = colours[:, :3] / 255.0 * lit * mean
-            below = up < 0.3
-            assert np.allclose(shown[below], mean, atol=0.006)
-            factor = looks[f"{name}_mean"]["pbrMetallicRoughness"]["baseColorFactor"][:3]
-            assert np.allclose(factor, lit * mean, atol=1e-6)
-            seen = seen or (up > 0.9).any()
-            assert np.allclose(shown[up > 0.9], mean + 0.55 * (soil - mean), atol=0.006)
-    assert seen
+            factor = looks[f"{name}_merged"]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+            shown = colours[:, :3] / 255.0 * factor
+            places = array(glb, part["POSITION"]) + corners[mesh["name"]]
+            rocks = small_world.field.select(small_world.field.population == population)
+            away = np.linalg.norm(places[:, None] - rocks.position, axis=2) / rocks.scale
+            own = bare[rock_tints(rocks.id, small_world.site.seed)[away.argmin(axis=1)]]
+            sure = np.sort(away, axis=1)[:, :2] @ [-1.0, 1.0] > 1.0
+            assert np.allclose(shown[sure & (up < 0.3)], own[sure & (up < 0.3)], atol=0.006)
+            above = sure & (up > 0.9)
+            wanted = own + 0.55 * (soil - own)
+            assert np.allclose(shown[above], wanted[above], atol=0.006)
+            seen += len(np.unique(own[above], axis=0))
+    assert seen > 3
 
 
 def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):

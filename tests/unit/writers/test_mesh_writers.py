@@ -12,7 +12,7 @@ from terrain_forge.geometry import (
     grid_normals,
     grid_texture_coordinates,
     grid_vertices,
-    mean_rock_colour,
+    mean_rock_srgb,
     merge_in_parts,
     merge_rocks,
     rock_factors,
@@ -128,7 +128,7 @@ def test_a_rocks_texture_is_its_colour_in_linear_light(small_world):
         shown = linear_from_srgb(pixel / 255.0)
         assert np.allclose(shown, np.minimum(brightness / mean * colour, 1.0), atol=0.003)
     assert np.allclose(rock_factors(world, 1) * colour, colours)
-    assert np.allclose(mean_rock_colour(world, 1), colours.mean(axis=0))
+    assert np.allclose(linear_from_srgb(np.array(mean_rock_srgb(world, 1))), colours.mean(axis=0))
 
 
 def test_colours_go_to_linear_light_and_back():
