@@ -8,9 +8,15 @@ the convergence test (docs/driving.md).
 
 from __future__ import annotations
 
-from terrain_forge.geometry import mean_rock_srgb, rock_texture
+from itertools import product
+
+import numpy as np
+
+from terrain_forge.base import srgb_from_linear
+from terrain_forge.geometry import rock_texture
 from terrain_forge.model import Friction, World
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.scene import TINTS, tint_colours
 from terrain_forge.writers import Lines, Value, element, encode_png
 
 _SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
@@ -31,30 +37,38 @@ def sliding(coefficient: float) -> tuple[float, float, float]:
 
 
 def rock_materials(world: World, *, textured: bool) -> list[Lines]:
-    """A material per population in the mean of its colours, and one that shows its texture."""
+    """A material for each colour of each population, and one that shows its texture in that."""
     looks = []
-    for n in range(len(world.field.populations)):
-        rgba = (*mean_rock_srgb(world, n), 1.0)
-        looks.append(element("material", name=f"rock_{n}", rgba=rgba, **_MATT))
+    for n, tints in enumerate(srgb_from_linear(tint_colours(world))):
         if textured:
             image = {"type": "2d", "file": f"assets/rock_{n}.png"}
             looks.append(element("texture", name=f"shape_{n}", **image))
-            looks.append(element("material", name=f"shape_{n}", texture=f"shape_{n}", **_MATT))
+        # MuJoCo multiplies what is shown, not light: so the lightest colour is in the texture.
+        factors = tints / np.maximum(tints.max(axis=0), 1e-9)
+        for tint, (colour, factor) in enumerate(zip(tints.tolist(), factors.tolist(), strict=True)):
+            rgba, name = (*colour, 1.0), f"rock_{n}_{tint}"
+            looks.append(element("material", name=name, rgba=rgba, **_MATT))
+            if textured:
+                rgba, name = (*factor, 1.0), f"shape_{n}_{tint}"
+                shown = {"texture": f"shape_{n}", "rgba": rgba}
+                looks.append(element("material", name=name, **shown, **_MATT))
     return looks
 
 
 def texture_files(world: World) -> dict[str, bytes]:
     """The populations' textures by the names of their files."""
     populations = range(len(world.field.populations))
-    return {f"assets/rock_{n}.png": encode_png(rock_texture(world, n)) for n in populations}
+    return {
+        f"assets/rock_{n}.png": encode_png(rock_texture(world, n, tinted=True)) for n in populations
+    }
 
 
 def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines:
     """Default classes of ground and rocks, so that a rock's line holds only what is its own.
 
-    They meet what moves, never each other. Per population `rock_<n>` is seen and touched,
-    `seen_<n>` seen alone, `shape_<n>` too, with its texture; `hull` is touched alone, and so is
-    `dynamic`, which also meets what is fixed.
+    They meet what moves, never each other. Per colour of a population `rock_<n>_<tint>` is seen
+    and touched, `seen_<n>_<tint>` seen alone, `shape_<n>_<tint>` too, with its texture; `hull` is
+    touched alone, and so is `dynamic`, which also meets what is fixed.
     """
     surface = element(
         "geom", contype=0, conaffinity=1, condim=3, priority=_SURFACE_PRIORITY,
@@ -75,11 +89,12 @@ def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines
                priority=_DYNAMIC_PRIORITY, condim=contact.condim, solref=contact.solref),
     ]  # fmt: skip
     picture = {"group": _PICTURE_GROUP, **_UNTOUCHABLE}
-    for n in range(len(world.field.populations)):
-        classes.append(_class(f"rock_{n}", material=f"rock_{n}"))
-        classes.append(_class(f"seen_{n}", material=f"rock_{n}", **picture))
+    for n, tint in product(range(len(world.field.populations)), range(TINTS)):
+        look = f"{n}_{tint}"
+        classes.append(_class(f"rock_{look}", material=f"rock_{look}"))
+        classes.append(_class(f"seen_{look}", material=f"rock_{look}", **picture))
         if textured:
-            classes.append(_class(f"shape_{n}", material=f"shape_{n}", **picture))
+            classes.append(_class(f"shape_{look}", material=f"shape_{look}", **picture))
     rocks = element("default", *classes, class_="rock")
     return element("default", surface, *grounds, rocks, class_="static")
 

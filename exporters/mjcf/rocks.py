@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import portable
 from terrain_forge.geometry import inertias, lie_upright, write_rock_shape
-from terrain_forge.model import RockField, RockLibrary, RockPrototype
+from terrain_forge.model import RockField, RockLibrary, RockPrototype, World
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.scene import rock_tints
 from terrain_forge.writers import Lines, element, numbers, rock_name, write_stl
 
 from .options import Options
@@ -73,12 +74,12 @@ def mesh_assets(library: RockLibrary, fields: Iterable[RockField], options: Opti
     ]
 
 
-def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[str]:
+def fixed_rocks(world: World, field: RockField, options: Options) -> Iterator[str]:
     """The geoms of the rocks that are not dynamic, named as `docs/exporters/mjcf.md` says."""
-    field = field.select(~field.dynamic)
+    library, field = world.library, field.select(~field.dynamic)
     rows = zip(
         map(rock_name, field.id.tolist()),
-        field.population.tolist(),
+        _looks(world, field),
         field.prototype.tolist(),
         _shapes(field),
         _sizes(field, options, of_hulls=True),
@@ -87,37 +88,42 @@ def fixed_rocks(library: RockLibrary, field: RockField, options: Options) -> Ite
         np.hstack([field.position, field.quaternion]).tolist(),
         strict=True,
     )
-    for name, population, prototype, shape, size, own_shape, solid, pose in rows:
+    for name, look, prototype, shape, size, own_shape, solid, pose in rows:
         place = _PLACE % tuple(pose)
         if own_shape:
-            look = f"shape_{population}"
-            yield _geom(f"{name}_shape", look, f"{shape}_{size}", place)
+            yield _geom(f"{name}_shape", f"shape_{look}", f"{shape}_{size}", place)
         if solid or not own_shape:
-            kind = "hull" if own_shape else f"rock_{population}" if solid else f"seen_{population}"
+            kind = "hull" if own_shape else f"rock_{look}" if solid else f"seen_{look}"
             yield from _hull_geoms(library, prototype, name, kind, size, place)
 
 
-def dynamic_rocks(library: RockLibrary, field: RockField, options: Options) -> Iterator[Lines]:
+def dynamic_rocks(world: World, field: RockField, options: Options) -> Iterator[Lines]:
     """A body `rock_<id>` for each dynamic rock, with its shape and its hulls."""
-    field = field.select(field.dynamic)
+    library, field = world.library, field.select(field.dynamic)
     # MuJoCo wants xx yy zz xy xz yz.
     six = inertias(field, library)[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     hull_sizes, shape_sizes = _sizes(field, options, of_hulls=True), _sizes(field, options)
-    kinds = zip(hull_sizes, _shapes(field), shape_sizes, strict=True)
-    for row, (hull_size, shape, shape_size) in enumerate(kinds):
+    kinds = zip(hull_sizes, _shapes(field), shape_sizes, _looks(world, field), strict=True)
+    for row, (hull_size, shape, shape_size, look) in enumerate(kinds):
         name, prototype = rock_name(field.id[row]), int(field.prototype[row])
-        look = f"shape_{field.population[row]}"
         touch = f' friction="{numbers(dynamic_contact(float(field.diameter[row])).friction)}"'
         yield element(
             "body",
             element("freejoint", name=name),
             element("inertial", pos=np.zeros(3), mass=field.mass[row], fullinertia=six[row]),
-            [_geom(f"{name}_shape", look, f"{shape}_{shape_size}")],
+            [_geom(f"{name}_shape", f"shape_{look}", f"{shape}_{shape_size}")],
             [*_hull_geoms(library, prototype, name, "dynamic", hull_size, touch)],
             name=name,
             pos=field.position[row],
             quat=field.quaternion[row],
         )
+
+
+def _looks(world: World, field: RockField) -> list[str]:
+    """Population and tint of each rock, as classes have them in their names."""
+    tints = rock_tints(field.id, world.site.seed).tolist()
+    kinds = zip(field.population.tolist(), tints, strict=True)
+    return [f"{population}_{tint}" for population, tint in kinds]
 
 
 def _hull_geoms(

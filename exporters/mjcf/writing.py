@@ -84,8 +84,8 @@ def _world(
     meshes = mesh_assets(world.library, fields, options)
     rocks: list[Lines] = []
     for field in fields:
-        rocks.append(list(fixed_rocks(world.library, field, options)))
-        rocks += dynamic_rocks(world.library, field, options)
+        rocks.append(list(fixed_rocks(world, field, options)))
+        rocks += dynamic_rocks(world, field, options)
     west, south, east, north = world.ground.bounds
     centre = ((west + east) / 2, (south + north) / 2, float(world.ground.elevation.mean()))
     static = static_classes(world, world_friction(world.site.body, options), textured=textured)

@@ -45,6 +45,7 @@ from .subject import Subject as Subject
 from .subject import subject_of as subject_of
 from .tints import DUST_VALUE as DUST_VALUE
 from .tints import SOILED as SOILED
+from .tints import TINTS as TINTS
 from .tints import dust_on as dust_on
 from .tints import dust_share as dust_share
 from .tints import dusty_tints as dusty_tints

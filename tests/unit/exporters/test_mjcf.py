@@ -11,12 +11,18 @@ from terrain_forge.exporters.mjcf import Options
 from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
-from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import (
+    ExportError,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
+    srgb_from_linear,
+)
 from terrain_forge.driving import Vehicle
 from terrain_forge.driving.controller import wheel_rates
 from terrain_forge.geometry import rock_texture
 from terrain_forge.model import Export, Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
+from terrain_forge.scene import rock_tints, tint_colours
 from terrain_forge.validation.checks.drives import rover_mass_check
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on
@@ -381,11 +387,16 @@ def test_large_rocks_show_their_texture(world, tmp_path):
         seen = model.geom(f"rock_{field.id[row]}_shape")
         material = model.material(seen.matid[0])
         texture = model.texture(material.texid[mujoco.mjtTextureRole.mjTEXROLE_RGB])
-        wanted = rock_texture(world, int(field.population[row]))
+        wanted = rock_texture(world, int(field.population[row]), tinted=True)
+        colours = srgb_from_linear(tint_colours(world)[field.population[row]])
+        own = colours[rock_tints(field.id[[row]], world.site.seed)[0]]
+        assert np.allclose(material.rgba[:3] * colours.max(axis=0), own, atol=1e-6)
         assert (texture.height[0], texture.width[0]) == wanted.shape[:2]
         assert model.mesh_texcoordnum[seen.dataid[0]] > 0
         assert model.geom(f"rock_{field.id[row]}").group[0] == 3
     names = [model.geom(n).name for n in range(model.ngeom)]
+    looks = {int(model.geom(name).matid[0]) for name in names if name.endswith("_shape")}
+    assert len(looks) > 2, "rocks differ in colour"
     assert sum(name.endswith("_shape") for name in names) == (field.diameter >= 0.6).sum()
 
 
