@@ -20,8 +20,10 @@ CLAST_RISE = 1.5
 """Steepness of a pebble's edge, whose height is a third of that over its radius."""
 SLAB_CELL = 0.62
 """Size of slabs of bedrock [m]."""
-SLAB_JOINT = 0.035
+SLAB_JOINT = 0.016
 """Half the width of the joints between them [m]."""
+SLAB_WALL = 0.6
+"""Steepness of their edges at the joints, which sand has filled."""
 SLAB_SHOWN = 1.0, 2.0
 """Sizes of slabs, in pixels, from which on they begin to show, and show in full."""
 SOIL_COARSEST = 0.9
@@ -244,7 +246,7 @@ def slabs(key, x, y, footprint):  # type: ignore[no-untyped-def]
     near = 0.5 * (second * second - first * first) / length * SLAB_CELL  # to the joint [m]
     wide = SLAB_JOINT + 0.5 * footprint
     joint = min(1.0, max(0.0, 2.0 - 2.0 * near / wide)) * SLAB_JOINT / wide
-    wall = 0.9 * min(1.0, max(0.0, 2.5 - near / wide)) * (1.0 - joint) * SLAB_JOINT / wide
+    wall = SLAB_WALL * min(1.0, max(0.0, 2.5 - near / wide)) * (1.0 - joint) * SLAB_JOINT / wide
     return (
         joint,
         -wall * edge_x / length + 0.05 * lean_x * (1.0 - joint),

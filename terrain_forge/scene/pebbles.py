@@ -12,6 +12,7 @@ from terrain_forge.scene.grain import (
     SLAB_CELL,
     SLAB_JOINT,
     SLAB_SHOWN,
+    SLAB_WALL,
 )
 from terrain_forge.scene.packets import LANES
 from terrain_forge.scene.relief import (
@@ -119,7 +120,7 @@ def clast_lanes(space, relief):  # type: ignore[no-untyped-def]
 
 
 _WARP, _WARPED, _ACROSS, _SLAB, _JOINT, _JITTER, _FAR, _WALL, _LEAN = (
-    np.float32(n) for n in (2.7, 0.35, 1.4, SLAB_CELL, SLAB_JOINT, 0.42, 9.0, 0.9, 0.05)
+    np.float32(n) for n in (2.7, 0.35, 1.4, SLAB_CELL, SLAB_JOINT, 0.42, 9.0, SLAB_WALL, 0.05)
 )
 _BEGIN, _GROW = np.float32(SLAB_SHOWN[0]), np.float32(1.0 / (SLAB_SHOWN[1] - SLAB_SHOWN[0]))
 _TWO_AND_HALF, _SLAB_TONE, _JOINT_DARK, _BARE = (np.float32(n) for n in (2.5, 0.16, 0.3, 0.6))
