@@ -184,7 +184,8 @@ def write_world(
 ) -> building.BuildResult:
     """Write a world that was made or changed in Python as `build` writes a recipe's.
 
-    The manifest names the recipe that the world began with; edits are in the saved world alone.
+    The manifest names the recipe that the world began with; edits are in the saved world alone. Of
+    a window's world what is written are its own rocks: no others reach into it, in no format.
 
     Args:
         world: The world.
@@ -202,6 +203,7 @@ def write_world(
     building.require_folder(out)
     orders = export_orders(recipe if exports is None else replace(recipe, exports=exports))
     removed = building.told_files(out, building.require_ours(out, force=force))
+    world = world.alone()
     with (
         watched(progress, STAGES[len(MAKING) :]) as watch,
         building.replacing(out, force=force) as directory,
@@ -348,6 +350,11 @@ def validate(
     """
     out = resolved(out)
     if tiling.is_site(out):
+        if drives:
+            raise OutputError(
+                f"{out} is a site in tiles, and drives from random starts are for one world: drive "
+                "in a part that `terrain-forge cut` takes"
+            )
         with watched(progress, VALIDATE_STAGES) as watch:
             return tiling.validate_site(out, watch=watch)
     building.finish(out)
@@ -472,7 +479,10 @@ def check(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
         rover = rover_of(site)
         recording.require_recordable(recipe, rover)
         recording.require_long_enough(site, rover.sensors)
-        yield from recording.recording_lines(site, rover.sensors)
+        if site.recipe.tiles is None:
+            yield from recording.recording_lines(site, rover.sensors)
+        else:
+            yield "recording      of a part of the site, which `terrain-forge cut` makes a world"
     if recipe.worlds is not None:
         variation.require_drawable(recipe, folder)
         yield f"worlds         {variation.variation_line(recipe)}"

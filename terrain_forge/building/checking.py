@@ -157,8 +157,6 @@ def _horizon(site: Site) -> str:
     spec = site.recipe.horizon
     if spec.reach_m == 0.0:
         return "none: the world ends at its border"
-    if site.recipe.tiles is not None:
-        return "none: a site in tiles ends at its border"
     known = [(level.reach, level.source) for level in site.surroundings]
     if not known:
         told = "no heights were read beyond the site: level ground"

@@ -325,6 +325,8 @@ def _sensor(place: Path, stream: Mapping[str, Any]) -> RecordedSensor:
         about = YAML(typ="safe", pure=True).load(text)
         if not isinstance(about, dict):
             raise DataError(f"{where} is no table of keys")
-    kind = _KINDS.get(str(stream["kind"]), RecordedSeries)
+    # Earlier versions recorded no other files than pictures and sweeps.
+    other = RecordedSeries if stream.get("table", True) else RecordedSensor
+    kind = _KINDS.get(str(stream["kind"]), other)
     channels = stream.get("channels") or {"data": {}}
     return kind(folder=folder, name=str(stream["name"]), about=about, channels=channels)

@@ -30,6 +30,7 @@ from terrain_forge.datasets.clouds import (
 from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
 from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
+from terrain_forge.datasets.ros_frames import WORLD, frames_of, is_own
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
 from terrain_forge.datasets.ros_series import (
     ODOMETRY,
@@ -49,7 +50,6 @@ from terrain_forge.datasets.writer import DatasetWriter, needed
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-WORLD = "map"
 TRUTH_TOPIC = "/ground_truth/odometry"
 _IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 _MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
@@ -158,6 +158,7 @@ class RosMessages:
     def __init__(self, recording: Recording, store: Typestore, options: RosOptions) -> None:
         self.recording, self.options, self.parts = recording, options, RosParts(store)
         self.sensors = _written(recording, options)
+        self.frames = frames_of(recording)
 
     def topics(self) -> list[Topic]:
         """All topics, `/tf_static` first."""
@@ -186,8 +187,7 @@ class RosMessages:
 
     def untold(self) -> list[str]:
         """Folders of sensors that no message is written for."""
-        tables = (one for one in self.sensors if isinstance(one, RecordedSeries))
-        return [one.key for one in tables if not series_kind(one)]
+        return [one.key for one in self.sensors if not _is_told(one)]
 
     def _topic(
         self, name: str, kind: str, pairs: Callable[[], Iterator[Pair]], **more: Any
@@ -204,7 +204,7 @@ class RosMessages:
             pose = self.recording.base_pose(sensor)
             turn = quaternion_from_matrix(pose[:3, :3])
             transforms.append(
-                self.parts.transform(begin, BASE, frame_of(sensor), pose[:3, 3], turn)
+                self.parts.transform(begin, BASE, self.frames[sensor.key], pose[:3, 3], turn)
             )
         yield begin, self.parts.make(TRANSFORMS, transforms)
 
@@ -220,7 +220,7 @@ class RosMessages:
         truth, base = self.recording.truth_of(sensor), self.recording.base_poses
         truth = truth[base.covering(truth.stamps, truth.stamps)]
         poses = portable.product(inverse_pose(base.at(truth.stamps).matrices), truth.matrices)
-        turns, frame = quaternion_from_matrix(poses[:, :3, :3]), frame_of(sensor)
+        turns, frame = quaternion_from_matrix(poses[:, :3, :3]), self.frames[sensor.key]
         for number, stamp in enumerate(truth.stamps.tolist()):
             at = poses[number, :3, 3], turns[number]
             yield (
@@ -246,7 +246,7 @@ class RosMessages:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 picture = picture_of(camera, number, stream)
                 encoding = "rgb8" if picture.ndim == 3 else "mono8"
-                yield stamp, self._image(stamp, frame_of(camera), picture, encoding)
+                yield stamp, self._image(stamp, self.frames[camera.key], picture, encoding)
 
         return pictures
 
@@ -261,7 +261,7 @@ class RosMessages:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 metres = camera.depth(number).astype(np.float32)
                 metres[metres == 0.0] = np.nan  # REP 118
-                yield stamp, self._image(stamp, frame_of(camera), metres, "32FC1")
+                yield stamp, self._image(stamp, self.frames[camera.key], metres, "32FC1")
 
         rectified, name = truth_stream(camera) == RECTIFIED, f"/{camera.key}"
         image = "image_rect" if rectified else "image_raw"
@@ -301,7 +301,7 @@ class RosMessages:
         width, height = camera.size
         return self.parts.make(
             _INFO,
-            *(self.parts.header(stamp, frame_of(camera)), height, width, _MODELS[model]),
+            *(self.parts.header(stamp, self.frames[camera.key]), height, width, _MODELS[model]),
             *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
             *(0, 0, region),
         )
@@ -312,7 +312,7 @@ class RosMessages:
         def clouds() -> Iterator[Pair]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
                 points = packed(lidar.sweep(index), layout, self.options.ring_bits)
-                yield stamp, self._cloud(stamp, frame_of(lidar), points)
+                yield stamp, self._cloud(stamp, self.frames[lidar.key], points)
 
         name = "/velodyne_points" if layout == "velodyne" else "/ouster/points"
         name = f"/{lidar.key}{name}" if number else name
@@ -332,7 +332,7 @@ class RosMessages:
         )
 
     def _series(self, table: RecordedSeries) -> Callable[[], Iterator[Pair]]:
-        return lambda: series_messages(self.parts, table, frame_of(table))
+        return lambda: series_messages(self.parts, table, self.frames[table.key])
 
     def _base_states(self) -> Iterator[tuple[Poses, Array, Array]]:
         """True poses of base_link, its velocity and rate in its own frame, in pieces.
@@ -378,6 +378,13 @@ class RosMessages:
                 )
 
 
+def _is_told(sensor: RecordedSensor) -> bool:
+    """Whether there are messages for a sensor."""
+    if isinstance(sensor, RecordedSeries):
+        return bool(series_kind(sensor))
+    return isinstance(sensor, RecordedCamera | RecordedLidar)
+
+
 def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
     """The sensors that are written."""
     named = {recording.sensor(name).key for name in options.sensors}
@@ -387,19 +394,6 @@ def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
 
 def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
     return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
-
-
-def frame_of(sensor: RecordedSensor) -> str:
-    """The name of a sensor's frame; a camera's is optical: x right, y down, z forward.
-
-    It is the sensor's own name, or its folder's where that has letters that ROS's names do not.
-    """
-    name = sensor.name if _is_plain(sensor.name) else sensor.key
-    return f"{name}_optical" if isinstance(sensor, RecordedCamera) else name
-
-
-def _is_plain(name: str) -> bool:
-    return name.isascii() and name.replace("_", "a").isalnum()
 
 
 def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
@@ -435,10 +429,12 @@ def losses(messages: RosMessages) -> tuple[str, ...]:
     if untold := messages.untold():
         found.append(f"No message of ROS is written for {', '.join(untold)}.")
     sensors = messages.recording.sensors
-    if odd := [f"{one.name} ({frame_of(one)})" for one in sensors if not _is_plain(one.name)]:
+    frames = messages.frames
+    odd = [f"{one.name} ({frames[one.key]})" for one in sensors if not is_own(one, frames[one.key])]
+    if odd:
         found.append(
             "Frames of these are called as their folders, as ROS has ASCII letters, digits "
-            f"and _ alone: {', '.join(odd)}."
+            f"and _ alone, and each frame a name of its own: {', '.join(odd)}."
         )
     if any(sensor.key.startswith("lidar") for sensor in messages.sensors):
         found.append("Point clouds say nothing of what each point is on.")

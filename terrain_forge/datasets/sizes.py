@@ -10,12 +10,14 @@ from terrain_forge.datasets.pictures import RECTIFIED
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import (
     RecordedCamera,
+    RecordedLidar,
     RecordedSensor,
     RecordedSeries,
     stored_size,
 )
 
 CAMERA, LIDAR = "camera", "lidar"
+_WORDS: dict[type[RecordedSensor], str] = {RecordedCamera: CAMERA, RecordedLidar: LIDAR}
 POSE = 170.0
 """A pose and its stamp as text [bytes]."""
 _POINT = 26.0
@@ -77,7 +79,7 @@ def _footprint(recording: Recording, one: RecordedSensor) -> Footprint:
     return Footprint(
         key=one.key,
         name=one.name,
-        kind=CAMERA if isinstance(one, RecordedCamera) else LIDAR,
+        kind=_WORDS.get(type(one), one.word_of_folder),
         count=count,
         sizes={
             channel: stored_size(one.file(n, channel) for n in range(count)) / max(count, 1)

@@ -155,8 +155,8 @@ class _Set:
         )  # fmt: skip
         poses = link_poses(self.world.rover, self.result, pose)
         parts = [poses[look.link] for look in self._looks]
-        places = np.array([place for place, _ in parts])
-        turns = np.array([turn for _, turn in parts])
+        places = np.array([place for place, _ in parts]).reshape(-1, 3)
+        turns = np.array([turn for _, turn in parts]).reshape(-1, 3, 3)
         placed = self._shapes.placed(places - position, turns)  # held as long as rays are cast
         frame = np.column_stack([np.eye(3), position - self._scene.origin])[None]
         rover = Passing(placed.beyond(SKIN), frame, self._parts.rgb)
@@ -245,7 +245,9 @@ def _rover_parts(looks: list[RoverLook], seed: int) -> Instances:
         rotation=np.tile(np.eye(3), (count, 1, 1)),
         scale=np.ones(count),
         grain=np.full(count, _SMOOTH),
-        rgb=linear_from_srgb(np.round(255.0 * np.array([o.rgb for o in looks])) / 255.0)
+        rgb=linear_from_srgb(np.round(255.0 * np.array([o.rgb for o in looks])) / 255.0).reshape(
+            -1, 3
+        )
         * tone[:, None],
     )
 

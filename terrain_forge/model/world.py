@@ -118,6 +118,13 @@ class World(Record):
             part = self._cut(column, row, min(cells, east), min(cells, north))
             yield Tile(number=number, world=part, whole=self)
 
+    def alone(self) -> World:
+        """The world without the rocks that only reach into it, which no export has."""
+        if not len(self.neighbours):
+            return self
+        none = np.zeros(len(self.neighbours), np.bool_)
+        return self.replace(neighbours=self.neighbours.select(none))
+
     @checked
     def tile(self, window: Window, *, number: int) -> Tile:
         """The tile of a window of the site that lies in this world."""

@@ -116,7 +116,7 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
     Returns their times.
     """
     times = whole_times(folder, store)
-    suffix = folder.streams["data"].suffix
+    suffix = next(iter(folder.streams.values())).suffix
     place = f"{MAV}/{folder.name}"
     store.put(f"{place}/data.csv", files_text((times + EPOCH).tolist(), suffix))
     instrument = folder.instrument
@@ -153,6 +153,7 @@ def _stream(folder: Folder, times: NDArray[np.int64]) -> dict[str, Any]:
         "name": folder.sensor.name,
         "kind": folder.sensor.kind,
         "rate_hz": folder.rate,
+        "table": folder.is_table,
         "count": len(stamps),
         "first_ns": stamps[0] if stamps else None,
         "last_ns": stamps[-1] if stamps else None,

@@ -115,8 +115,8 @@ def disparity_file(depth: NDArray[np.float32], focal: float, baseline: float) ->
 
 
 def occlusion_file(
-    scenery: Scenery, exposure: Exposure, points: Array, other: Array, lens: Lens, turn: Array,
-    time: float, near: float,
+    scenery: Scenery, exposure: Exposure, points: Array, other: Array, lens: Lens, turns: Array,
+    times: Array, near: float,
 ) -> bytes:  # fmt: skip
     """255 where the other eye does not see a pixel's place: hidden, or beside its picture.
 
@@ -124,20 +124,23 @@ def occlusion_file(
         scenery: What may hide it.
         exposure: This eye's picture.
         points: Where its rays met something [m], shape [height, width, 3].
-        other: The other eye's place [m], shape [3].
+        other: The other eye's place at each row, which it sees at the same time [m], shape
+            [height, 3].
         lens: Its lens.
-        turn: From its optical frame to the world, shape [3, 3].
-        time: When [s].
+        turns: From its optical frame to the world then, shape [height, 3, 3].
+        times: When [s], shape [height].
         near: What of the rover is nearer to it hides nothing [m].
     """
     met = np.isfinite(exposure.depth)
-    towards = points[met] - other
+    row = np.nonzero(met)[0]
+    towards = points[met] - other[row]
     distance = portable.norm(towards)
     rays = towards / distance[:, None]
-    hits = scenery.cast(np.tile(other, (len(rays), 1)), rays, time, near=near)
+    hits = scenery.cast(other[row], rays, times[row], near=near)
     hidden = hits.distance < distance * (1.0 - _LIFT) - _NEAR
+    own = (rays[:, :, None] * turns[row]).sum(axis=1)
     values = np.zeros(exposure.depth.shape, dtype=np.uint8)
-    values[met] = np.where(hidden | ~within(lens, portable.product(rays, turn)), 255, 0)
+    values[met] = np.where(hidden | ~within(lens, own), 255, 0)
     return encode_png(values)
 
 

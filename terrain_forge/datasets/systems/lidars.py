@@ -7,7 +7,8 @@ import numpy as np
 from terrain_forge.base import portable
 from terrain_forge.datasets.clouds import layout_of
 from terrain_forge.datasets.poses import inverse_pose
-from terrain_forge.datasets.ros import frame_of, projection_of
+from terrain_forge.datasets.ros import projection_of
+from terrain_forge.datasets.ros_frames import frames_of
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar
 from terrain_forge.datasets.systems.rig import Rig
 from terrain_forge.datasets.systems.texts import lines, remark, row
@@ -83,7 +84,7 @@ def _lio_sam(rig: Rig, lidar: RecordedLidar) -> str:
     told = {
         "pointCloudTopic": f'"{topic}"',
         "imuTopic": f'"/{rig.imu.key}"',
-        "lidarFrame": f'"{frame_of(lidar)}"',
+        "lidarFrame": f'"{frames_of(rig.recording)[lidar.key]}"',
         "baselinkFrame": '"base_link"',
         "sensor": layout,
         "N_SCAN": int(lidar.numbers("rings", (1,))[0]),

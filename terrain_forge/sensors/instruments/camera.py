@@ -279,10 +279,9 @@ class CameraFrames(Frames):
         baseline, aside = self.other
         if name == "disparity":
             return channels.disparity_file(exposure.depth, lens.focal[0], baseline)
-        position, rotation = eye.middle
-        place = position + aside * rotation[:, 0]
+        places = eye.position + aside * eye.rotation[:, :, 0]
         return channels.occlusion_file(
-            self.setting.scenery, exposure, points, place, lens, rotation, eye.time,
+            self.setting.scenery, exposure, points, places, lens, eye.rotation, eye.times,
             self.sensor.near_m,
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 
 import numpy as np
@@ -180,12 +181,35 @@ def test_frames_have_names_of_ros(tmp_path):
     )
     index.write_text(told)
     losses = write_dataset(folder, "rosbag2", tmp_path / "bag").losses
-    assert any(loss.endswith("alone: links-ä (cam0_optical), gyro-box (imu0).") for loss in losses)
+    assert any(loss.endswith("own: links-ä (cam0_optical), gyro-box (imu0).") for loss in losses)
     bag = read_bag(tmp_path / "bag", False)
     static = {t.child_frame_id for name, _, m in bag if name == "/tf_static" for t in m.transforms}
     assert static == {"cam0_optical", "stereo_right_optical", "lidar", "imu0"}
     for topic, frame in {"/cam0/image_raw": "cam0_optical", "/imu0": "imu0"}.items():
         assert next(m for name, _, m in bag if name == topic).header.frame_id == frame
+
+
+@pytest.mark.parametrize(
+    ("names", "frames"),
+    [
+        ({"stereo_left": "ä", "stereo_right": "cam0"}, {"cam0_2_optical", "cam0_optical"}),
+        ({"stereo_left": "x", "imu": "x_optical"}, {"x_optical", "imu0"}),
+        ({"imu": "i u", "lidar": "imu0"}, {"imu0_2", "imu0"}),
+    ],
+)
+def test_no_two_sensors_share_a_frame(tmp_path, names, frames):
+    folder = write_recording(tmp_path / "dataset", seconds=0.2)
+    index = json.loads((folder / "dataset.json").read_text())
+    for stream in index["streams"]:
+        stream["name"] = names.get(stream["name"], stream["name"])
+    (folder / "dataset.json").write_text(json.dumps(index))
+    write_dataset(folder, "rosbag2", tmp_path / "bag")
+    bag = read_bag(tmp_path / "bag", False)
+    static = [t.child_frame_id for name, _, m in bag if name == "/tf_static" for t in m.transforms]
+    assert len(set(static)) == len(static) == 4
+    assert frames <= set(static)
+    told = {m.header.frame_id for name, _, m in bag if hasattr(m, "header")}
+    assert told - {"map"} <= set(static)
 
 
 def test_imu_and_truth(bag, recording):

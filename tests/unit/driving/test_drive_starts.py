@@ -148,6 +148,19 @@ def test_the_rover_is_in_its_picture(across_a_rock):
     assert 60 < columns.mean() < 100
 
 
+def test_a_rover_without_a_look_can_be_filmed(across_a_rock, tmp_path, monkeypatch):
+    monkeypatch.setattr("terrain_forge.driving.film.FRAMES", 2)
+    world, result = across_a_rock
+    links = tuple(
+        link.replace(shapes=tuple(shape.replace(visible=False) for shape in link.shapes))
+        for link in world.rover.links
+    )
+    unseen = world.replace(rover=world.rover.replace(links=links))
+    seen = photograph(world, result, 0, width=160, height=90)
+    assert not np.array_equal(photograph(unseen, result, 0, width=160, height=90), seen)
+    assert len(frames_of(write_film(unseen, result, tmp_path / "drive.webp"))) == 2
+
+
 def frames_of(film):
     """The frames of an animated picture, 8 bits each."""
     with Image.open(film) as picture:

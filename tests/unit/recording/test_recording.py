@@ -15,7 +15,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import terrain_forge as tf
-from terrain_forge.base import OutputError, RecipeError, StorageError, mix
+from terrain_forge.base import DataError, OutputError, RecipeError, StorageError, mix
 from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
 from terrain_forge.datasets.formats.calibration import Calibration
@@ -97,6 +97,21 @@ class Rates(Series):
     def samples(self):
         state = self.state(self.times / 1e9)
         return {"w_RS_S_z [rad s^-1]": state.rate[:, 2], "ticks []": np.arange(len(self.times))}
+
+
+class Heat(Picture):
+    """Files of another kind than pictures and sweeps, none of whose streams is called data."""
+
+    kind, folder = "sun_sensor", "heat"
+
+    def streams(self):
+        return (Stream(name="fan", suffix=".txt"),)
+
+    def measure(self, number):
+        return {"fan": f"{number}\n".encode()}
+
+    def tables(self, numbers):
+        return {}
 
 
 KINDS = {kind.kind: kind for kind in (Picture, Sweep, Rates)}
@@ -509,3 +524,17 @@ def test_a_recording_is_not_made_behind_a_link(world, tmp_path):
     with pytest.raises(OutputError, match="dataset is a link"):
         tf.record(world, tmp_path)
     assert not list((tmp_path / "home").iterdir())
+
+
+def test_files_of_any_kind_are_read_back(world, tmp_path, monkeypatch):
+    monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: KINDS | {Heat.kind: Heat})
+    sensor = sensor_kinds()[Heat.kind](name="heat", rate_hz=2.0, position_m=(0, 0, 1))
+    world = world.replace(rover=world.rover.replace(sensors=(*world.rover.sensors, sensor)))
+    bag = {"rosbag2": {"sensors": ("heat",)}}
+    told = tf.record(world, tmp_path, end=2.0, formats=bag).losses
+    heat = open_recording(tmp_path).sensor("heat")
+    assert (heat.key, len(heat.stamps)) == ("heat0", 4)
+    assert [heat.file(n, "fan").read_text() for n in range(4)] == [f"{n}\n" for n in range(4)]
+    with pytest.raises(DataError, match="heat0 has no 'data'"):
+        heat.file(0)
+    assert any(line.startswith("No message of ROS is written for") for line in told["rosbag2"])

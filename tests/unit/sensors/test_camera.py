@@ -134,6 +134,24 @@ def test_both_eyes_agree_but_where_one_is_hidden(setting):
     assert (nearest < z).mean() > 0.9
 
 
+def test_eyes_roll_together(setting):
+    """A pixel's place is looked for where the other eye is when it sees that row."""
+    sensor = StereoSensor(
+        name="pair", channels=("depth", "disparity"), depth_factor=None, baseline_m=0.2,
+        rate_hz=1.0, rolling_shutter_s=0.8, **_MAST,
+    )  # fmt: skip
+    left, _ = StereoFrames(sensor, setting).eyes
+    outside = 0
+    for number in range(4, 12):
+        files = left.measure(number)
+        depth, hidden = _array(files["depth"]), _image(files["occlusion"]) > 0
+        near = np.isfinite(depth)
+        beside = np.arange(96) - left.calibration()["intrinsics"][0] * 0.2 / depth < -0.5
+        assert not np.any(near & beside & ~hidden)
+        outside += np.count_nonzero(near & beside)
+    assert outside > 500
+
+
 def test_flow_leads_to_the_same_place_in_the_next_picture(setting):
     sensor = CameraSensor(
         name="eye", channels=("depth", "flow", "class"), depth_factor=None, rate_hz=2.0,

@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 
 import terrain_forge as tf
@@ -177,6 +178,22 @@ def test_a_part_becomes_a_world_of_its_own(built, whole, tmp_path):
     assert np.array_equal(world.ground.elevation, wanted.ground.elevation)
     assert np.array_equal(world.field.position, wanted.field.position)
     assert (out / "mjcf/scene.xml").is_file()
+    with rasterio.open(out / "truth/rock_id.tif") as raster:
+        seen = set(np.unique(raster.read(1)).tolist()) - {-1}
+    assert len(wanted.neighbours) > 0
+    assert seen <= set(world.field.id.tolist()), "as the exports have no others"
+
+
+def test_drives_from_random_starts_are_refused(copied):
+    done = command.run("validate", copied, "--drives", 2)
+    assert done.returncode == 2
+    assert "drive in a part that `terrain-forge cut` takes" in done.stderr
+
+
+def test_check_tells_of_the_horizon(recipe):
+    lines = command.run("check", recipe).stdout.splitlines()
+    (told,) = [line for line in lines if "horizon  " in line]
+    assert "heights read out to" in told
 
 
 def test_a_part_beyond_the_site_is_refused(built, tmp_path):
