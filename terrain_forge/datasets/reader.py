@@ -285,6 +285,11 @@ def open_recording(folder: Path | str) -> Recording:
     place = Path(folder)
     if not (place / INDEX).exists() and (place / "dataset" / INDEX).exists():
         place = place / "dataset"
+    if not (place / INDEX).exists():
+        raise DataError(
+            f"{folder} holds no recording (no {INDEX}): `terrain-forge record` of a built world "
+            "makes one"
+        )
     text = read_text(place / INDEX, f"{place / INDEX}", most=_LARGEST_TEXT)
     with reading(INDEX):
         about = json.loads(text)

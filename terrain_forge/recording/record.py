@@ -112,10 +112,11 @@ def record_dataset(
             if not store.holds(PLAN):
                 store.put(PLAN, plan_text(plan))
             _measure_all(store, work, watch)
-            streams = write_index(store, setting, work.rig, spec=spec, spans=work.spans)
-            losses = write_formats(store, formats, watch)
-            losses |= {name: (f"not made: {why}",) for name, why in lacking.items()}
-            store.settle()
+            with telling_interrupts(lambda: _left(store, len(work.tasks), len(work.tasks))):
+                streams = write_index(store, setting, work.rig, spec=spec, spans=work.spans)
+                losses = write_formats(store, formats, watch)
+                losses |= {name: (f"not made: {why}",) for name, why in lacking.items()}
+                store.settle()
             return Recorded(
                 folder=folder,
                 made=len(work.tasks),
@@ -124,6 +125,12 @@ def record_dataset(
                 losses=losses,
                 stale=stale_formats(store),
             )
+
+
+def _left(store: Store, count: int, whole: int) -> str:
+    """What an interrupt leaves behind."""
+    told = f"{count:,} of {whole:,} measurements are in {store.folder}"
+    return f"{told}: the same command goes on from there"
 
 
 def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
@@ -137,11 +144,10 @@ def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
     since = time.monotonic()
     count = 0
 
-    def left() -> str:
-        told = f"{count:,} of {len(tasks):,} measurements are in {store.folder}"
-        return f"{told}: the same command goes on from there"
-
-    with telling_interrupts(left), closing(measured(tasks, workers)) as made:
+    with (
+        telling_interrupts(lambda: _left(store, count, len(tasks))),
+        closing(measured(tasks, workers)) as made,
+    ):
         for task, files in made:
             for stream, name in task.names.items():
                 store.put(name, files[stream])

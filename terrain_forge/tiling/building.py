@@ -113,7 +113,7 @@ def build_tiles(
         there = f"{count - len(order.missing())} of {count} tiles are in {out}"
         return f"{there}: the same command goes on from there"
 
-    with holding(out), telling_interrupts(left):
+    with telling_interrupts(left), holding(out):
         with storing(out, out):
             save_order(order)
             begin_site(order)

@@ -107,7 +107,7 @@ def _swap(path, old, new, *, count=1):
 
 
 BROKEN = {
-    "no index": (lambda f: (f / "dataset.json").unlink(), "no such file: .*dataset.json"),
+    "no index": (lambda f: (f / "dataset.json").unlink(), "holds no recording .no dataset.json."),
     "index cut": (lambda f: _cut(f / "dataset.json", 5), "dataset.json cannot be read"),
     "version": (lambda f: _index(f, version=9), "version 9, this terrain-forge reads 1"),
     "world without a name": (lambda f: _index(f, world={"Wame": "x"}), "no name of the world"),

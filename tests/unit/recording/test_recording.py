@@ -337,9 +337,16 @@ def test_a_disk_too_small_is_refused_and_a_full_one_leaves_no_half(world, tmp_pa
     assert not (tmp_path / "dataset/.writing").exists()
 
 
+def _at_formats(stage, share=0.0):
+    if stage.startswith("formats"):
+        raise KeyboardInterrupt
+
+
 def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt, match=r"^\d+ of \d+ measurements are in .*goes on"):
         tf.record(world, tmp_path, progress=_interrupting)
+    with pytest.raises(KeyboardInterrupt, match=r"^(\d+) of \1 measurements are in .*goes on"):
+        tf.record(world, tmp_path, formats={"calibration": {}}, progress=_at_formats)
     assert threading.active_count() < 20
     assert list(tmp_path.glob(".terrain-forge*")) == []
 
