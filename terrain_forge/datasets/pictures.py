@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,15 @@ def picture_losses(cameras: Iterable[RecordedCamera]) -> list[str]:
     wide = [one.name for one in found if int(one.channels["data"].get("bits", 8)) > 8]
     told = ["Exposure times and gains of pictures are lost."] * bool(found)
     bits = f"Of the pictures of {', '.join(wide)} only the 8 upper bits are written."
-    return told + [bits] * bool(wide)
+    rolls = [one.name for one in found if _rolls(one)]
+    rows = f"That rows of {', '.join(rolls)} are exposed one after the other is told nowhere."
+    return told + [bits] * bool(wide) + [rows] * bool(rolls)
+
+
+def _rolls(camera: RecordedCamera) -> bool:
+    """Whether a camera exposes one row after the other."""
+    told = camera.about.get("electronics")
+    return isinstance(told, Mapping) and bool(told.get("rolling_shutter_s"))
 
 
 def picture_of(camera: RecordedCamera, number: int, stream: str) -> NDArray[np.uint8]:

@@ -287,3 +287,11 @@ def test_tables_of_other_sensors(tmp_path):
     assert odometry.twist.twist.angular.z == 0.125
     assert found["/sun0"].vector.z == 0.8
     assert found["/inclinometer0"].vector.y == -0.2
+
+
+def test_a_rolling_shutter_is_lost(tmp_path):
+    folder = write_recording(
+        tmp_path / "dataset", seconds=0.2, electronics={"rolling_shutter_s": 0.02}
+    )
+    losses = write_dataset(folder, "rosbag2", tmp_path / "bag").losses
+    assert any("rows of stereo_left, stereo_right are exposed one after" in one for one in losses)
