@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Len, Predicate
+from pydantic import BeforeValidator
 
 from terrain_forge.base import Array, FileName, Progress, Spec, portable
 from terrain_forge.datasets import sizes
@@ -27,7 +28,14 @@ from terrain_forge.datasets.writer import DatasetWriter, Need, one_of
 
 _ROW, _POINT = 245.0, 16.0
 """Bytes of a pose and its time, of a point of a scan."""
-Number = Annotated[str, Len(2, 2), Predicate(str.isdecimal)]
+
+
+def _digits(told: Any) -> Any:
+    """A number as two digits; YAML reads those without quotes as one."""
+    return f"{told:02d}" if type(told) is int else told
+
+
+Number = Annotated[str, BeforeValidator(_digits), Len(2, 2), Predicate(str.isdecimal)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -109,7 +109,8 @@ def _pair(recording: Recording, options: Options) -> StereoPair:
     for pair in sorted(recording.pairs, key=lambda pair: any(_lacking(pair))):
         if options.camera in (None, pair.left.key, pair.left.name):
             return pair
-    raise ExportError("lusnar needs a stereo pair of cameras, and the recording has none")
+    which = f"whose left camera is {options.camera!r}" if options.camera else "of cameras"
+    raise ExportError(f"lusnar needs a stereo pair {which}, and the recording has none")
 
 
 def _lacking(pair: StereoPair) -> Iterator[tuple[RecordedCamera, str]]:

@@ -333,3 +333,10 @@ def test_colours_of_more_bits_come_as_the_upper_8(tmp_path):
         np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / kind / name)), deep // 16)
         assert "only the 8 upper bits" in " ".join(report.losses)
     assert open_recording(folder).cameras[0].image(0).dtype == np.uint16
+
+
+def test_a_sequence_s_number_may_be_a_number(recording, tmp_path):
+    write_dataset(recording, "kitti", tmp_path / "out", {"sequence": 7})
+    assert (tmp_path / "out/poses/07.txt").is_file()
+    with pytest.raises(RecipeError, match="sequence"):
+        write_dataset(recording, "kitti", tmp_path / "other", {"sequence": 100})
