@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from terrain_forge.base import ExportError
+from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.datasets import (
     calibration_files,
     dataset_kind,
