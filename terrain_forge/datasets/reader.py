@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -316,6 +317,9 @@ def _check(about: Any) -> None:
     for number, stream in enumerate(about["streams"]):
         if not isinstance(stream, dict) or not {"folder", "name", "kind"} <= set(stream):
             raise DataError(f"{INDEX}: stream {number} has no folder, name and kind")
+    for folder, count in Counter(str(one["folder"]) for one in about["streams"]).items():
+        if count > 1:
+            raise DataError(f"{INDEX}: the stream {folder!r} is listed {count} times")
 
 
 def _sensor(place: Path, stream: Mapping[str, Any]) -> RecordedSensor:

@@ -128,7 +128,8 @@ class RecordedSensor:
                     raise DataError(f"{where}:{number}: {name[:60]!r} is no file's name")
                 stamps.append(int(stamp))
                 names.append(name)
-        return ascending(np.array(stamps, np.int64), where), tuple(names)
+            found = np.array(stamps, np.int64)
+        return ascending(found, where), tuple(names)
 
     @property
     def stamps(self) -> Stamps:

@@ -146,6 +146,14 @@ BROKEN = {
         ).base.resize(200),
         f"lidar0/data/{EPOCH}.npy cannot be read",
     ),
+    "stream twice": (
+        lambda f: _index(f, streams=2 * [{"folder": "mav0/imu0", "name": "a", "kind": "imu"}]),
+        "the stream 'mav0/imu0' is listed 2 times",
+    ),
+    "stamp of 20 digits": (
+        lambda f: _swap(f / "mav0/cam0/data.csv", f"\n{EPOCH},", f"\n9{EPOCH},"),
+        "cam0/data.csv cannot be read",
+    ),
     "order": (
         lambda f: _swap(f / "mav0/imu0/data.csv", f"{EPOCH + 5_000_000},", f"{EPOCH - 5},"),
         "imu0/data.csv: the stamp of row 2 is not after",
