@@ -22,6 +22,7 @@ from terrain_forge.base import (
     telling_interrupts,
 )
 from terrain_forge.building import BuildResult, holding
+from terrain_forge.recipe import sha256
 from terrain_forge.tiling.checking import judge_again
 from terrain_forge.tiling.driving import drive_far
 from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile
@@ -29,6 +30,7 @@ from terrain_forge.tiling.joining import begin_site, join, sample_world, write_m
 from terrain_forge.tiling.making import make_tile
 from terrain_forge.tiling.order import TileOrder, is_site, require_plain, save_order
 from terrain_forge.tiling.page import write_page
+from terrain_forge.tiling.picture import PICTURE
 from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
 
@@ -143,6 +145,7 @@ def build_tiles(
             joined = join(order, paths, watch)
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
+            joined["manifest"]["outputs"][PICTURE] = sha256(out / PICTURE)
             write_manifest(order, joined["manifest"])
             passed = judge_again(order, joined["manifest"]) and passed
     watch.figures.update(

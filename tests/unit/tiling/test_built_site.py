@@ -29,7 +29,12 @@ def test_a_whole_site_is_valid(copied):
 
 @pytest.mark.parametrize(
     "name",
-    ["tiles/001/002/geotiff/elevation.tif", "tiles/000/001/tile.json", "truth/size_frequency.json"],
+    [
+        "tiles/001/002/geotiff/elevation.tif",
+        "tiles/000/001/tile.json",
+        "truth/size_frequency.json",
+        "map.png",
+    ],
 )
 def test_a_damaged_file_is_found(copied, name):
     path = copied / name
