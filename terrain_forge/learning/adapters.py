@@ -18,7 +18,14 @@ from terrain_forge.base import Array, Stopwatch, silent, stage_key
 from terrain_forge.geometry import grid_faces, grid_vertices
 from terrain_forge.making import make_world
 from terrain_forge.model import World, rotations
-from terrain_forge.recipe import DifficultySpec, Recipe, RecipeFile, WorldsSpec
+from terrain_forge.recipe import (
+    ArrivalSpec,
+    DifficultySpec,
+    Recipe,
+    RecipeFile,
+    WorldsSpec,
+    without_paths,
+)
 from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import draw
 
@@ -29,7 +36,10 @@ MuJoCo takes the larger friction of two geoms of one priority."""
 
 @dataclass(frozen=True, kw_only=True)
 class GroundMaker:
-    """Worlds of a recipe by difficulty and number, for the generators of other packages."""
+    """Worlds of a recipe by difficulty and number, for the generators of other packages.
+
+    They have no paths: masks by the distance to one are as they are far away from any.
+    """
 
     recipe: Recipe
     """With `worlds.difficulty`, or the usual one."""
@@ -53,11 +63,13 @@ class GroundMaker:
         """
         if not 0.0 <= difficulty <= 1.0:
             raise ValueError(f"difficulty: {difficulty:g}, allowed: 0 to 1")
-        recipe, spec = self.recipe, self.recipe.worlds or WorldsSpec()
+        recipe = without_paths(self.recipe)
         if size is not None:
             recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=size))
-        spec = replace(spec, difficulty=spec.difficulty or DifficultySpec())
-        recipe = replace(recipe, paths=(), worlds=spec)
+        spec = recipe.worlds or WorldsSpec()
+        wish = spec.difficulty or DifficultySpec()
+        # How far goals are is not looked at, lest a small world had none.
+        recipe = replace(recipe, worlds=replace(spec, difficulty=wish, arrival=ArrivalSpec()))
         site = draw(recipe, number, folder=self.folder, difficulty=float(difficulty)).site
         return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import terrain_forge as tf
+from terrain_forge.recipe import recipe_from_json, recipe_json, without_paths
+from terrain_forge.terrain import mask_weight
 from tests.helpers.driving_worlds import recipe
+from tests.helpers.places import ROOT
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
@@ -143,6 +147,46 @@ def test_generators_of_others_get_ground_and_origin():
     assert high[:2] == pytest.approx((6.0, 5.0))
     assert place[:2] == pytest.approx((3.0, 2.5))
     assert all(mesh.is_watertight for mesh in meshes[1:])
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "recipes").glob("*.yaml")))
+def test_every_recipe_of_ours_makes_ground_for_others(name):
+    maker = learning.GroundMaker.of(tf.load_recipe(ROOT / "recipes" / name))
+    world = maker.world(0.5, 0, size=(8.0, 8.0))
+    assert world.site.size == (8.0, 8.0)
+    assert not world.trajectories
+
+
+def test_what_a_recipe_says_of_its_paths_is_left_out_of_ground_for_others():
+    plain = recipe_json(tf.load_recipe(ROOT / "recipes" / "hello.yaml").recipe)
+    told = json.loads(plain) | {
+        "dataset": {"path": "loop"},
+        "exports": {"mjcf": {"pebbles_min_m": 0.05}},
+        "worlds": {
+            "arrival": {"distance_m": 20.0},
+            "vary": {"paths.loop.speed_m_s": {"uniform": [0.1, 0.3]}},
+        },
+    }
+    bands = [
+        {"route": {"path": "loop", "beyond_m": 1.0}},
+        {"route": {"path": "loop", "within_m": 1.0}},
+        {"route": {"beyond_m": 1.0}, "invert": True},
+        {"route": {"within_m": 1.0}, "invert": True},
+    ]
+    told["terrain"]["layers"] = [{"kind": "fractal", "mask": mask} for mask in bands]
+    given = recipe_from_json(json.dumps(told))
+    own = without_paths(given)
+    assert (own.paths, own.validate, own.dataset) == ((), None, None)
+    assert own.exports == {"mjcf": {}}
+    maker = learning.GroundMaker(recipe=given, folder=ROOT / "recipes")
+    world = maker.world(0.5, 0, size=(4.0, 4.0))
+    site, level = world.site, np.zeros(world.ground.shape)
+    for layer, weight in zip(site.recipe.terrain.layers, (1.0, 0.0, 0.0, 1.0), strict=True):
+        if layer.mask is None:
+            assert weight == 1.0
+        else:
+            found = mask_weight(layer.mask, site=site, window=site.window, elevation=level)
+            assert (found == weight).all()
 
 
 @pytest.mark.parametrize("difficulty", [-0.1, 1.1, np.nan])

@@ -267,6 +267,24 @@ def test_what_a_scene_has_once_is_the_recipes_in_a_grid(tmp_path: Path) -> None:
         assert not {*cell["drawn"]} & {"body", "rover", "dtm.size_m", "sun.elevation_deg"}
 
 
+def test_a_grid_has_no_paths(tmp_path: Path) -> None:
+    def with_path(plain: dict[str, Any]) -> None:
+        plain["dtm"]["size_m"] = [4.0, 4.0]
+        points = [[-1, -1], [1, 1]]
+        plain["paths"] = [{"name": "way", "route": {"points_m": points}, "speed_m_s": 0.2}]
+        plain["validate"] = {"drive": "way"}
+        plain["dataset"] = {"path": "way"}
+        plain["exports"] = {"mjcf": {"pebbles_min_m": 0.1}}
+        plain["terrain"]["layers"][0]["mask"] = {"route": {"path": "way", "beyond_m": 1}}
+        plain["worlds"]["vary"] = {"paths.way.speed_m_s": {"uniform": [0.1, 0.2]}}
+
+    with pytest.warns(
+        tf.RecipeWarning, match=r"paths\.way\.speed_m_s has no effect: a grid has no"
+    ):
+        out = make_grid(recipe(tmp_path, with_path), tmp_path / "grid", shape=(1, 1), border=6.0)
+    assert not tf.World.load(out).trajectories
+
+
 def test_worlds_that_differ_in_what_a_scene_has_once_are_refused(tmp_path: Path) -> None:
     def varied(plain: dict[str, Any]) -> None:
         grounds = [{"kind": "flat", "size_m": size} for size in ([8.0, 8.0], [6.0, 8.0])]
