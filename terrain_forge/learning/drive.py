@@ -38,8 +38,9 @@ REACHED = 0.4
 ARRIVED, FAILED, TIME_COST = 5.0, -5.0, 0.05
 """Reward of an arrival and of a failure, and what a second costs."""
 TIPPED = math.radians(60.0)
-STUCK_TIME, STUCK_WAY = 5.0, 0.1
-"""A rover that moves less than so far [m] in so long [s] is stuck."""
+STUCK_TIME, STUCK_WAY, STUCK_TURN = 5.0, 0.1, math.radians(15.0)
+"""A rover is stuck that is nearer than so far [m] to where it was so long ago [s], and whose
+heading is less than so much [rad] from what it was then, whole turns counted."""
 _SETTLING = 0.5
 _TRIES = 200
 
@@ -112,6 +113,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             seen[sight] = self._sight.space
         self._sight_name = sight
         self._trail: list[tuple[float, float]] = []
+        self._headings: list[float] = []
         self.observation_space = spaces.Dict(seen)  # type: ignore[assignment]
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[assignment]
         self._renderer: Any = None
@@ -169,7 +171,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if self._sight is not None:
             self._sight.begin(arena)
         self._way = self._to_goal()
-        self._trail = [self._place()]
+        self._trail, self._headings = [self._place()], [self._heading()]
         return self._observe(), self._told("")
 
     def _asked(self, options: dict[str, Any]) -> list[Path]:
@@ -225,6 +227,8 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         reward = self._way - way - TIME_COST * tick
         self._way = way
         self._trail.append(self._place())
+        last = self._headings[-1]
+        self._headings.append(last + math.remainder(self._heading() - last, math.tau))
         why = self._ended()
         if why:
             reward += ARRIVED if why == "arrived" else FAILED
@@ -233,7 +237,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
     def _ended(self) -> str:
         """Why the drive is over; empty if it is not."""
-        data, trail = self.arena.data, self._trail
+        data = self.arena.data
         if not math.isfinite(self._way):
             return "unstable"
         if self._way < REACHED:
@@ -245,15 +249,22 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             return "left the world"
         if data.xmat[self.parts.body, 8] < math.cos(TIPPED):
             return "tipped over"
-        back = round(STUCK_TIME * RATE)
-        if len(trail) > back and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY:
-            turned = self.arena.data.qvel[self.parts.velocity][5]
-            return "" if abs(turned) > 0.05 else "stuck"
-        return ""
+        return "stuck" if self._is_stuck() else ""
+
+    def _is_stuck(self) -> bool:
+        trail, headings, back = self._trail, self._headings, round(STUCK_TIME * RATE)
+        if len(trail) <= back:
+            return False
+        turned = abs(headings[-1] - headings[-1 - back])
+        return turned < STUCK_TURN and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY
 
     def _place(self) -> tuple[float, float]:
         x, y = self.arena.data.qpos[self.parts.pose][:2].tolist()
         return x, y
+
+    def _heading(self) -> float:
+        turn = self.arena.data.xmat[self.parts.body]
+        return math.atan2(turn[3], turn[0])
 
     def _to_goal(self) -> float:
         return math.dist(self._place(), self._goal)

@@ -113,6 +113,20 @@ def test_driving_to_the_goal_pays_and_standing_does_not(made):
     assert told["ended"] == "stuck"
 
 
+def test_a_rover_that_turned_in_the_last_seconds_is_not_stuck(made):
+    env = make(made, numbers=[0])
+    env.reset(seed=3)
+    place, ended, steps = env.unwrapped.arena.data.qpos[:2].copy(), False, 0
+    while not ended:
+        turn = 1.0 if steps < 40 else 0.0
+        *_, ended, _late, told = env.step(np.array([0.0, turn], np.float32))
+        steps += 1
+        if steps == 60:
+            assert np.hypot(*(env.unwrapped.arena.data.qpos[:2] - place)) < 0.1, "on the spot"
+    assert told["ended"] == "stuck"
+    assert 75 < steps < 95  # five seconds after all but 15 degrees of its turn
+
+
 def test_a_drive_ends_once_a_wheel_is_beyond_the_border(made):
     env = make(made).unwrapped
     env.reset(seed=3)
