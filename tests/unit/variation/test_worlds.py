@@ -441,6 +441,10 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
     done = run("worlds", path, "-o", made, "--workers", 0)
     assert done.returncode == 0, done.stderr
     assert "4 worlds, 0 made now" in done.stdout
+    arrive = [read_summary(made / name_of(n))["measured"]["arrive"] for n in range(4)]
+    mean, low, high = np.mean(arrive), min(arrive), max(arrive)
+    told = f"arrive       {mean:.1%} of all starts, {low:.1%} to {high:.1%} by world"
+    assert told in done.stdout
     for grid in ("3by2", "0x4", "9" * 5000 + "x1"):
         assert "such as 5x8" in run("worlds", path, "--grid", grid).complaints[0]
     for option in (("--count", 3), ("--workers", 2), ("--scheduler", "local")):
