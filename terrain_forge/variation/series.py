@@ -39,6 +39,7 @@ from terrain_forge.base import (
     write_whole,
 )
 from terrain_forge.building import (
+    STAGING,
     chosen_exports,
     holding,
     read_manifest,
@@ -135,9 +136,11 @@ def worlds(
     orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
     require_apart(out, input_paths(recipe, folder))
-    _require_ours(out, recipe, orders)
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"{out} is no folder: choose another name")
     told = partial(_told, out, count)
     with holding(out), telling_interrupts(told):
+        _require_ours(out, recipe, orders)
         require_unlinked(out, POOL).mkdir(exist_ok=True)
         _write(out / ORDER, _order(recipe, orders))
         for left in out.iterdir():
@@ -210,12 +213,12 @@ def _order(recipe: Recipe, orders: tuple[ExportOrder, ...]) -> dict[str, Any]:
 
 
 def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) -> None:
-    """Refuse a folder that holds anything but worlds of this recipe.
+    """Refuse a folder, which is ours to write now, that holds anything but worlds of this recipe.
 
     Raises:
         OutputError: says what it holds.
     """
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+    if all(path.name == STAGING for path in out.iterdir()):
         return
     try:
         found = read_json(out / ORDER, ORDER)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import terrain_forge as tf
-from terrain_forge.building import read_manifest
+from terrain_forge.building import holding, read_manifest
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import exporter_names
 from terrain_forge.pipeline import realise
@@ -420,8 +420,19 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
         worlds(other, tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+    with pytest.raises(tf.OutputError, match=r"letter\.txt is no folder"):
+        worlds(other, tmp_path / "mine/letter.txt")
     assert contents(made) == before
     assert read_summary(made / name_of(1))["number"] == 1
+
+
+def test_of_two_that_write_one_folder_the_second_is_told(made: Path, tmp_path: Path) -> None:
+    """Whatever the first has written by then: nothing but its lock, or worlds of another recipe."""
+    other = recipe(tmp_path, lambda plain: plain.update(seed=4))
+    for out in (tmp_path / "new", made):
+        with holding(out), pytest.raises(tf.OutputError, match="written by another terrain-forge"):
+            worlds(other, out)
 
 
 def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path) -> None:
