@@ -18,10 +18,11 @@ from terrain_forge.building import holding, read_manifest
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import exporter_names
 from terrain_forge.pipeline import realise
-from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
+from terrain_forge.variation import draw, drawing, make_grid, name_of, read_summary, worlds
 from terrain_forge.variation.series import orders_of
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
+from tests.helpers.rasters import write_raster
 
 RECIPE: dict[str, Any] = {
     "name": "many",
@@ -312,6 +313,32 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
         heights = dtm_heights(site=site, window=site.window)[::10, ::10]
         rms.append(np.hypot(*np.gradient(heights)).mean())
     assert np.all(np.diff(rms) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "why"),
+    [
+        (np.uint8, {}, r"^the vertical scale of dtm\.tif \(uint8\) is unknown"),
+        (np.float32, {"destair": True}, r"^the heights of dtm\.tif are float32 and not rounded"),
+    ],
+)
+def test_what_is_wrong_at_any_place_is_told_at_the_first(
+    kind: Any, given: dict[str, Any], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heights = np.random.default_rng(1).uniform(0, 200, (64, 64)).astype(kind)
+    write_raster(tmp_path, heights)
+
+    def anywhere(plain: dict[str, Any]) -> None:
+        plain["dtm"] = {"source": "dtm.tif", "size_m": [8, 8], **given}
+        plain["worlds"] = {"vary": {"dtm.centre": "anywhere"}}
+
+    tried: list[object] = []
+    monkeypatch.setattr(
+        drawing, "plan", lambda *all, **named: (tried.append(all), tf.plan(*all, **named))[1]
+    )
+    with pytest.raises(tf.DataError, match=why):
+        worlds(recipe(tmp_path, anywhere), tmp_path / "out")
+    assert len(tried) <= 1
 
 
 def test_check_tells_what_differs(tmp_path: Path) -> None:
