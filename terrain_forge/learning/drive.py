@@ -90,6 +90,10 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 "render_mode": render_mode,
             },
         )
+        if distance_m <= REACHED:
+            raise ValueError(
+                f"distance_m: {distance_m:g}, more than {REACHED:g} m, where the rover has arrived"
+            )
         self._all = folders_of(Path(worlds) if worlds else starter_worlds(), numbers)
         self.difficulty = difficulty
         self.render_mode = render_mode
@@ -208,11 +212,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             raise gymnasium.error.ResetNeeded("step: no drive has begun, call reset first")
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
-        given = [float(one) for one in np.ravel(action)]
-        if len(given) != 2 or math.isnan(sum(given)):
-            raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
-        ahead, aside = (min(max(one, -1.0), 1.0) for one in given)
-        self._action = ahead, aside
+        self._action = ahead, aside = _numbers(action)
         speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)
         self._rates = eased(arena.rover, wanted, self._rates, time=4.0 * tick)
@@ -324,8 +324,11 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 continue
             if arena.ways[row, column] != arena.ways[tuple(start)]:
                 continue
-            x, y = arena.place_of(np.array([row, column])).tolist()
-            return arena.place_of(start), (x, y), turn + 0.5 * math.pi * aside
+            place, goal = arena.place_of(start), arena.place_of(np.array([row, column]))
+            if math.dist(place, goal) <= REACHED:  # to whole nodes
+                continue
+            x, y = goal.tolist()
+            return place, (x, y), turn + 0.5 * math.pi * aside
         return None
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
@@ -353,6 +356,21 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _numbers(action: Any) -> tuple[float, float]:
+    """The two numbers of an action, cut to -1 to 1.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        ahead, aside = (float(one) for one in np.ravel(action))
+    except (TypeError, ValueError):
+        ahead = aside = math.nan
+    if math.isnan(ahead + aside):
+        raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
+    return min(max(ahead, -1.0), 1.0), min(max(aside, -1.0), 1.0)
 
 
 def _require_display() -> None:
