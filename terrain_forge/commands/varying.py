@@ -95,8 +95,10 @@ def make_worlds(
         )
     rate = result.made / max(display.elapsed, 1e-9)
     there = len(result.folders)
+    more = f"; {result.more:,} more are there" if result.more else ""
     say(
-        f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, {rate:.1f} a second"
+        f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, "
+        f"{rate:.1f} a second{more}"
     )
     arrive = [read_summary(one)["measured"].get("arrive") for one in result.folders]
     if known := [one for one in arrive if one is not None]:

@@ -179,6 +179,19 @@ def test_the_table_tells_what_was_drawn(made: Path) -> None:
     assert {"world", "difficulty", "sun.elevation_deg", "arrive"} <= {*head.split(",")}
 
 
+def test_fewer_than_are_there_leave_the_others(made: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made, out)
+    (out / "20261128").mkdir()
+    found = worlds(recipe(tmp_path), out, count=3)
+    assert [path.name for path in found.folders] == [name_of(n) for n in range(3)]
+    assert (found.made, found.more) == (0, 1)
+    assert contents(out) == contents(made)
+    done = run("worlds", tmp_path / "many.yaml", "-o", out, "--count", 1, "--workers", 0)
+    assert "1 world, 0 made now" in done.stdout
+    assert "; 3 more are there" in done.stdout
+
+
 def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     def graded(plain: dict[str, Any]) -> None:
         plain["dtm"]["size_m"] = [12.0, 12.0]
