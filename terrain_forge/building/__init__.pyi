@@ -9,6 +9,7 @@ from .cost import learn as learn
 from .cost import pace as pace
 from .cost import series_line as series_line
 from .cost import stage_seconds as stage_seconds
+from .manifest import STAGING as STAGING
 from .manifest import FolderState as FolderState
 from .manifest import altered_files as altered_files
 from .manifest import blaming as blaming

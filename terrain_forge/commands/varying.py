@@ -65,8 +65,6 @@ def make_worlds(
     and how hard it is. Killed or interrupted, the same command goes on where it was. A world has
     the same bytes, however many there are and whoever makes them.
     """
-    import numpy as np
-
     from terrain_forge.terminal import load_given, located
     from terrain_forge.variation import make_grid, read_summary, worlds
 
@@ -97,13 +95,16 @@ def make_worlds(
         )
     rate = result.made / max(display.elapsed, 1e-9)
     there = len(result.folders)
+    more = f"; {result.more:,} more are there" if result.more else ""
     say(
-        f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, {rate:.1f} a second"
+        f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, "
+        f"{rate:.1f} a second{more}"
     )
     arrive = [read_summary(one)["measured"].get("arrive") for one in result.folders]
     if known := [one for one in arrive if one is not None]:
-        low, middle, high = np.quantile(known, (0.1, 0.5, 0.9))
-        say(f"  arrive       {middle:.0%} of random starts, {low:.0%} to {high:.0%} in most worlds")
+        # Each has as many starts.
+        mean, low, high = sum(known) / len(known), min(known), max(known)
+        say(f"  arrive       {mean:.1%} of all starts, {low:.1%} to {high:.1%} by world")
     for number, why in result.failed[:_MOST_TOLD]:
         say(f"  not made     {number:05}: {why}")
     if len(result.failed) > _MOST_TOLD:

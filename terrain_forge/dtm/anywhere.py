@@ -10,6 +10,7 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError, Mask, Record, portable, shaped
 from terrain_forge.dtm.raster import Raster, ground_steps, open_raster
+from terrain_forge.dtm.site_survey import require_meaning
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.model import Body
 
@@ -47,6 +48,7 @@ def places_of(
     """
     raster = open_raster(spec, body=body, folder=folder)
     with raster.dataset:
+        require_meaning(raster, spec)
         heights, valid, every = _overview(raster)
         steps = ground_steps(raster)
     if steps is None:

@@ -249,7 +249,7 @@ def _raster_patch(
 ) -> tuple[str, tuple[float, float] | None, DtmPatch, Mask, tuple[FarHeights, ...]]:
     raster = open_raster(spec, body=body, folder=folder)
     with raster.dataset:
-        _require_meaning(raster, spec)
+        require_meaning(raster, spec)
         if raster.crs:
             lon, lat = centre_lonlat(raster, spec)
             crs = local_crs(raster.crs, lon, lat)
@@ -285,7 +285,12 @@ def _around(
     )  # fmt: skip
 
 
-def _require_meaning(raster: Raster, spec: RasterDtm) -> None:
+def require_meaning(raster: Raster, spec: RasterDtm) -> None:
+    """Refuse a terrain model of which it is not known where it lies or how high it is, anywhere.
+
+    Raises:
+        DataError: with the key of the recipe that tells it.
+    """
     if not raster.to_pixel:
         raise DataError(
             f"{spec.name} has no georeference: give its size on the ground as dtm.extent_m",

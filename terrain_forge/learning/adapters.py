@@ -14,11 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, Stopwatch, silent, stage_key
+from terrain_forge.base import Array, DataError, Stopwatch, checked, silent, stage_key
 from terrain_forge.geometry import grid_faces, grid_vertices
 from terrain_forge.making import make_world
 from terrain_forge.model import World, rotations
-from terrain_forge.recipe import DifficultySpec, Recipe, RecipeFile, WorldsSpec
+from terrain_forge.recipe import (
+    ArrivalSpec,
+    DifficultySpec,
+    Recipe,
+    RecipeFile,
+    WorldsSpec,
+    without_paths,
+)
 from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import draw
 
@@ -29,7 +36,10 @@ MuJoCo takes the larger friction of two geoms of one priority."""
 
 @dataclass(frozen=True, kw_only=True)
 class GroundMaker:
-    """Worlds of a recipe by difficulty and number, for the generators of other packages."""
+    """Worlds of a recipe by difficulty and number, for the generators of other packages.
+
+    They have no paths: masks by the distance to one are as they are far away from any.
+    """
 
     recipe: Recipe
     """With `worlds.difficulty`, or the usual one."""
@@ -39,10 +49,16 @@ class GroundMaker:
     """Radius [m] around the middle, above whose highest point a robot is set."""
 
     @staticmethod
+    @checked
     def of(file: RecipeFile, *, platform: float = 0.5) -> GroundMaker:
-        """The maker of a recipe that was read from a file."""
+        """The maker of a recipe that was read from a file.
+
+        Raises:
+            DataError: for another kind of argument.
+        """
         return GroundMaker(recipe=file.recipe, folder=file.folder, platform=platform)
 
+    @checked
     def world(
         self, difficulty: float, number: int, *, size: tuple[float, float] | None = None
     ) -> World:
@@ -50,24 +66,40 @@ class GroundMaker:
 
         Raises:
             ValueError: for another difficulty.
+            DataError: for another kind of argument.
+            RecipeError: if such a world cannot be.
         """
         if not 0.0 <= difficulty <= 1.0:
             raise ValueError(f"difficulty: {difficulty:g}, allowed: 0 to 1")
-        recipe, spec = self.recipe, self.recipe.worlds or WorldsSpec()
+        recipe = without_paths(self.recipe)
         if size is not None:
             recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=size))
-        spec = replace(spec, difficulty=spec.difficulty or DifficultySpec())
-        recipe = replace(recipe, paths=(), worlds=spec)
+        spec = recipe.worlds or WorldsSpec()
+        wish = spec.difficulty or DifficultySpec()
+        # How far goals are is not looked at, lest a small world had none.
+        recipe = replace(recipe, worlds=replace(spec, difficulty=wish, arrival=ArrivalSpec()))
         site = draw(recipe, number, folder=self.folder, difficulty=float(difficulty)).site
         return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
 
-    def mjlab(self, difficulty: float, spec: Any, rng: Any, *, size: Any = None) -> Any:
+    @checked
+    def mjlab(
+        self,
+        difficulty: float,
+        spec: Any,
+        rng: np.random.Generator,
+        *,
+        size: tuple[float, float] | None = None,
+    ) -> Any:
         """What mjlab's `SubTerrainCfg.function` does: geoms in `spec`, and the origin.
 
         Returns:
             `origin`, an array of 3, and `geometries`, the geoms; where mjlab is installed as its
             `TerrainOutput`.
+
+        Raises:
+            ValueError, DataError, RecipeError: as `world`.
         """
+        _require_spec(spec)
         world = self.world(difficulty, int(rng.integers(2**31)), size=size)
         geom, field = add_to_spec(spec, world, name=f"ground_{rng.integers(2**63)}")
         origin = self._origin(world)
@@ -81,18 +113,26 @@ class GroundMaker:
         told = TerrainGeometry(geom=geom, hfield=field)
         return TerrainOutput(origin=origin, geometries=[told])
 
+    @checked
     def isaac_lab(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
         """What Isaac Lab's `SubTerrainBaseCfg.function` does: trimesh meshes and the origin.
 
         The number of the world hangs on the difficulty, which differs from place to place, and the
         generator's seed, which is that of NumPy's global state where it has none: so Isaac Lab's
         cache of terrains holds what is made anew.
+
+        Raises:
+            ValueError, DataError, RecipeError: as `world`.
         """
+        try:
+            size = float(cfg.size[0]), float(cfg.size[1])
+        except (AttributeError, TypeError, IndexError, ValueError):
+            raise DataError("cfg.size must be two numbers, the size in metres") from None
         seed = getattr(cfg, "seed", None)
         if seed is None:
             seed = int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
         number = int(stage_key(seed, f"isaac_lab/{float(difficulty)!r}")) % 2**31
-        world = self.world(difficulty, number, size=(float(cfg.size[0]), float(cfg.size[1])))
+        world = self.world(difficulty, number, size=size)
         return trimeshes(world), self._origin(world)
 
     def _origin(self, world: World) -> Array:
@@ -102,8 +142,13 @@ class GroundMaker:
         return np.array([-west, -south, float(top[near].max())])
 
 
+@checked
 def trimeshes(world: World) -> list[Any]:
-    """Ground and rocks as trimesh meshes, whose south-west corner is (0, 0)."""
+    """Ground and rocks as trimesh meshes, whose south-west corner is (0, 0).
+
+    Raises:
+        DataError: for what is no world.
+    """
     import trimesh
 
     west, south, _, _ = world.ground.bounds
@@ -126,6 +171,7 @@ def trimeshes(world: World) -> list[Any]:
     return meshes
 
 
+@checked
 def add_to_spec(
     spec: Any,
     world: World,
@@ -150,9 +196,13 @@ def add_to_spec(
 
     Returns:
         The geom and the field.
+
+    Raises:
+        DataError: for another kind of argument.
     """
     import mujoco
 
+    _require_spec(spec)
     owner = spec.body(body) or spec.worldbody.add_body(name=body)
     top, (west, south, east, north) = rock_rasters(world)[0], world.ground.bounds
     lowest, highest = float(top.min()), float(top.max())
@@ -175,3 +225,10 @@ def add_to_spec(
         priority=_PRIORITY,
     )
     return geom, field
+
+
+def _require_spec(spec: Any) -> None:
+    import mujoco
+
+    if not isinstance(spec, mujoco.MjSpec):
+        raise DataError(f"spec must be a mujoco.MjSpec, found a {type(spec).__name__}")

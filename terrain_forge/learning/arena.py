@@ -142,7 +142,8 @@ def load_arena(folder: Path) -> Arena:
     """A built world with an MJCF export, loaded, with a state of its own.
 
     Raises:
-        OutputError: if the folder holds no such world, or its rover has no wheels.
+        OutputError: if the folder holds no such world, or not all of it, or its rover has no
+            wheels.
     """
     loaded = _load(folder)
     return replace(loaded, data=mujoco.MjData(loaded.model))
@@ -159,7 +160,11 @@ def _load(folder: Path) -> Arena:
     world = World.load(folder)
     if not world.rover.wheels:
         raise OutputError(f"{folder}: the rover {world.rover.name!r} has no wheels")
-    model = load_model(folder / kinds["mjcf"] / "scene.xml")
+    try:
+        model = load_model(folder / kinds["mjcf"] / "scene.xml")
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise OutputError(f"{folder} is not whole, make it again: MuJoCo says {why}") from None
     model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
     cost = rate_world(world).cost
     ways, _ = label((cost >= 0.0) & (cost < IMPASSABLE))

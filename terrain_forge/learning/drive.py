@@ -38,8 +38,9 @@ REACHED = 0.4
 ARRIVED, FAILED, TIME_COST = 5.0, -5.0, 0.05
 """Reward of an arrival and of a failure, and what a second costs."""
 TIPPED = math.radians(60.0)
-STUCK_TIME, STUCK_WAY = 5.0, 0.1
-"""A rover that moves less than so far [m] in so long [s] is stuck."""
+STUCK_TIME, STUCK_WAY, STUCK_TURN = 5.0, 0.1, math.radians(15.0)
+"""A rover is stuck that is nearer than so far [m] to where it was so long ago [s], and whose
+heading is less than so much [rad] from what it was then, whole turns counted."""
 _SETTLING = 0.5
 _TRIES = 200
 
@@ -89,6 +90,10 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 "render_mode": render_mode,
             },
         )
+        if distance_m <= REACHED:
+            raise ValueError(
+                f"distance_m: {distance_m:g}, more than {REACHED:g} m, where the rover has arrived"
+            )
         self._all = folders_of(Path(worlds) if worlds else starter_worlds(), numbers)
         self.difficulty = difficulty
         self.render_mode = render_mode
@@ -112,6 +117,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             seen[sight] = self._sight.space
         self._sight_name = sight
         self._trail: list[tuple[float, float]] = []
+        self._headings: list[float] = []
         self.observation_space = spaces.Dict(seen)  # type: ignore[assignment]
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)  # type: ignore[assignment]
         self._renderer: Any = None
@@ -169,7 +175,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if self._sight is not None:
             self._sight.begin(arena)
         self._way = self._to_goal()
-        self._trail = [self._place()]
+        self._trail, self._headings = [self._place()], [self._heading()]
         return self._observe(), self._told("")
 
     def _asked(self, options: dict[str, Any]) -> list[Path]:
@@ -206,11 +212,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             raise gymnasium.error.ResetNeeded("step: no drive has begun, call reset first")
         arena, parts = self.arena, self.parts
         data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
-        given = [float(one) for one in np.ravel(action)]
-        if len(given) != 2 or math.isnan(sum(given)):
-            raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
-        ahead, aside = (min(max(one, -1.0), 1.0) for one in given)
-        self._action = ahead, aside
+        self._action = ahead, aside = _numbers(action)
         speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)
         self._rates = eased(arena.rover, wanted, self._rates, time=4.0 * tick)
@@ -225,6 +227,8 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         reward = self._way - way - TIME_COST * tick
         self._way = way
         self._trail.append(self._place())
+        last = self._headings[-1]
+        self._headings.append(last + math.remainder(self._heading() - last, math.tau))
         why = self._ended()
         if why:
             reward += ARRIVED if why == "arrived" else FAILED
@@ -233,7 +237,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
     def _ended(self) -> str:
         """Why the drive is over; empty if it is not."""
-        data, trail = self.arena.data, self._trail
+        data = self.arena.data
         if not math.isfinite(self._way):
             return "unstable"
         if self._way < REACHED:
@@ -245,15 +249,22 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
             return "left the world"
         if data.xmat[self.parts.body, 8] < math.cos(TIPPED):
             return "tipped over"
-        back = round(STUCK_TIME * RATE)
-        if len(trail) > back and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY:
-            turned = self.arena.data.qvel[self.parts.velocity][5]
-            return "" if abs(turned) > 0.05 else "stuck"
-        return ""
+        return "stuck" if self._is_stuck() else ""
+
+    def _is_stuck(self) -> bool:
+        trail, headings, back = self._trail, self._headings, round(STUCK_TIME * RATE)
+        if len(trail) <= back:
+            return False
+        turned = abs(headings[-1] - headings[-1 - back])
+        return turned < STUCK_TURN and math.dist(trail[-1], trail[-1 - back]) < STUCK_WAY
 
     def _place(self) -> tuple[float, float]:
         x, y = self.arena.data.qpos[self.parts.pose][:2].tolist()
         return x, y
+
+    def _heading(self) -> float:
+        turn = self.arena.data.xmat[self.parts.body]
+        return math.atan2(turn[3], turn[0])
 
     def _to_goal(self) -> float:
         return math.dist(self._place(), self._goal)
@@ -313,8 +324,11 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 continue
             if arena.ways[row, column] != arena.ways[tuple(start)]:
                 continue
-            x, y = arena.place_of(np.array([row, column])).tolist()
-            return arena.place_of(start), (x, y), turn + 0.5 * math.pi * aside
+            place, goal = arena.place_of(start), arena.place_of(np.array([row, column]))
+            if math.dist(place, goal) <= REACHED:  # to whole nodes
+                continue
+            x, y = goal.tolist()
+            return place, (x, y), turn + 0.5 * math.pi * aside
         return None
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
@@ -342,6 +356,21 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _numbers(action: Any) -> tuple[float, float]:
+    """The two numbers of an action, cut to -1 to 1.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        ahead, aside = (float(one) for one in np.ravel(action))
+    except (TypeError, ValueError):
+        ahead = aside = math.nan
+    if math.isnan(ahead + aside):
+        raise ValueError(f"action: {action}, expected two numbers of -1 to 1")
+    return min(max(ahead, -1.0), 1.0), min(max(aside, -1.0), 1.0)
 
 
 def _require_display() -> None:

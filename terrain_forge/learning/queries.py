@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import DataError, OutputError
+from terrain_forge.base import DataError, OutputError, checked
 from terrain_forge.model import World
 from terrain_forge.truth import rock_rasters
 
@@ -39,14 +39,29 @@ class Grounds:
     spacing: float
     """Distance of nodes [m]."""
 
+    def __repr__(self) -> str:
+        count, rows, columns = self.elevation.shape
+        east, north = self.spacing * (columns - 1), self.spacing * (rows - 1)
+        worlds = f"{count} world{'s' * (count != 1)}"
+        return f"<Grounds: {worlds} of {east:g} × {north:g} m at {self.spacing:g} m>"
+
     @staticmethod
-    def of(worlds: Sequence[World | Path | str]) -> Grounds:
+    @checked
+    def of(worlds: Iterable[World | Path | str] | World | Path | str) -> Grounds:
         """The grounds of worlds, or of folders in which they were built, as NumPy's arrays.
+
+        Args:
+            worlds: Several, or one.
 
         Raises:
             OutputError: if they differ in size or spacing, or there are none.
+            DataError: for another kind of argument.
         """
+        if isinstance(worlds, World | Path | str):
+            worlds = (worlds,)
         loaded = [one if isinstance(one, World) else World.load(one) for one in worlds]
+        if not loaded:
+            raise OutputError("no worlds: give some, or the folders in which they were built")
         kinds = {(one.ground.shape, one.ground.spacing, one.ground.origin) for one in loaded}
         if len(kinds) != 1:
             raise OutputError(f"worlds of one size and spacing, found {len(kinds)} different ones")

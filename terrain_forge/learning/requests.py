@@ -20,6 +20,8 @@ from pydantic import (
 from terrain_forge.base import Fraction, OutputError, Positive, complaint
 from terrain_forge.variation import ORDER, read_summary
 
+_SHOWN = 5
+"""Worlds that are not there that a message names."""
 Difficulty = tuple[Fraction, Fraction] | None
 """Between which difficulties; None for all."""
 
@@ -82,19 +84,23 @@ def require_request(kind: type, given: Any) -> None:
 
 
 def folders_of(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
-    """Folders of the worlds of some numbers.
+    """Folders of the worlds of some numbers; of all without any.
 
     Raises:
-        OutputError: if there is none.
+        OutputError: if there is none, or one of these numbers is not there.
     """
     if not (worlds / ORDER).is_file():
         raise OutputError(f"{worlds} holds no worlds (no {ORDER}): terrain-forge worlds makes them")
     found = sorted(path.parent for path in worlds.glob("*/drawn.json"))
     if numbers is not None:
         wanted = {f"{number:05}" for number in numbers}
+        if gone := sorted(wanted - {path.name for path in found}, key=int):
+            named = ", ".join(gone[:_SHOWN]) + ", …" * (len(gone) > _SHOWN)
+            have = f"{len(found)}, {found[0].name} to {found[-1].name}" if found else "none"
+            raise OutputError(f"numbers: {worlds} has no world {named}; it has {have}")
         found = [path for path in found if path.name in wanted]
     if not found:
-        raise OutputError(f"{worlds} has no worlds of these numbers")
+        raise OutputError(f"{worlds} has no worlds" if numbers is None else "numbers: none given")
     return tuple(path.resolve() for path in found)
 
 

@@ -19,7 +19,7 @@ from terrain_forge.recipe.schema import Recipe
 from terrain_forge.terrain import MaterialSpec, ReliefBand, SlopeBand
 
 _PEBBLES = "pebbles_min_m"
-_NEAR_PATHS = ("close_within_m", _PEBBLES)
+NEAR_PATHS = ("close_within_m", _PEBBLES)
 """Options of exports, 0 for none, of what lies near paths."""
 
 
@@ -95,7 +95,7 @@ def _in_whole(recipe: Recipe) -> Iterator[IdleKey]:
     for order in _orders(recipe):
         key: Key = ("exports", order.folder)
         yield from _told(order.options, key)
-        for name in _NEAR_PATHS:
+        for name in NEAR_PATHS:
             if getattr(order.options, name, 0.0):
                 yield from _near_paths(recipe, (*key, name))
         yield from _no_pebbles(recipe, getattr(order.options, _PEBBLES, 0.0), (*key, _PEBBLES))

@@ -37,6 +37,11 @@ PLACES = 64
 _CENTRE = "dtm.centre"
 _OF_PLACE = ("body", "dtm", "sun")
 """Parts of a recipe of which only a plan, with the heights, tells whether they can be."""
+_AT_PLACE = (
+    *(("dtm",), ("dtm", "centre"), ("dtm", "size_m")),
+    *(("dtm", "source"), ("dtm", "nodata"), ("dtm", "fill_holes_m")),
+)
+"""What is wrong with a terrain model at one place, by its key, and may be right at another."""
 _SHOWN = 60
 """Characters of a drawn value that a message shows."""
 _OWN = {
@@ -312,7 +317,7 @@ def _placed(
             name = "crs" if terrain.georeferenced else "offset_m"
             return there, plan(there, folder=folder), {name: [x, y]}
         except (DataError, RecipeError) as error:
-            if error.key[:1] != ("dtm",):
+            if error.key not in _AT_PLACE:
                 raise
             last = error
     raise DataError(f"none of {PLACES} places of the DTM can be built: {last}", key=("dtm",))

@@ -43,6 +43,7 @@ from terrain_forge.recipe import (
     recipe_json,
     require_exports,
     value_at,
+    without_paths,
 )
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
@@ -101,9 +102,9 @@ def make_grid(
     folder = resolved(folder)
     out = resolved(out)
     require_ours(out)
-    orders = orders_of(recipe, only)
     _require_fits(recipe, shape, _margin(recipe, border or BORDER))
-    recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))
+    recipe = _of_grid(recipe)
+    orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
     whole, cells = _assembled(recipe, folder, shape, border, orders, progress)
     with replacing(out) as directory:
@@ -191,9 +192,7 @@ def _scene(
             dtm=FlatDtm(size_m=(shape[1] * across * spacing, shape[0] * up * spacing)),
             terrain=replace(recipe.terrain, layers=()),
             rocks=RocksSpec(library=recipe.rocks.library),
-            paths=(),
             validate=None,
-            dataset=None,
             worlds=None,
         ),
         folder=folder,
@@ -283,7 +282,7 @@ def _worlds(
     """Each world with what was drawn for it, its row and its column."""
     spec = recipe.worlds or WorldsSpec()
     wish = spec.difficulty or DifficultySpec()
-    recipe = replace(recipe, paths=(), worlds=replace(spec, difficulty=wish))
+    recipe = replace(recipe, worlds=replace(spec, difficulty=wish))
     low, high = wish.level if isinstance(wish.level, tuple) else (wish.level, wish.level)
     rows, columns = shape
     for row in range(rows):
@@ -294,6 +293,17 @@ def _worlds(
             site = drawn.site
             world = make_world(site, site.window, settled=True, progress=Stopwatch(silent))
             yield world, summary_of(drawn, world, spec.arrival), row, column
+
+
+def _of_grid(recipe: Recipe) -> Recipe:
+    """The recipe of worlds of one scene, without paths; warns of the wishes that have no effect."""
+    wishes = _without_common(recipe.worlds or WorldsSpec())
+    own = without_paths(replace(recipe, worlds=wishes))
+    assert own.worlds is not None
+    for name in wishes.vary:
+        if name not in own.worlds.vary:
+            warn_user(f"worlds.vary.{name} has no effect: a grid has no paths")
+    return own
 
 
 def _without_common(spec: WorldsSpec) -> WorldsSpec:

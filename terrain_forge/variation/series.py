@@ -39,6 +39,7 @@ from terrain_forge.base import (
     write_whole,
 )
 from terrain_forge.building import (
+    STAGING,
     chosen_exports,
     holding,
     read_manifest,
@@ -69,6 +70,8 @@ FORMAT = 1
 _BEGUN = ".begun-"
 _LEFT = re.compile(rf"{re.escape(_BEGUN)}[0-9]{{5,}}-[0-9]+")
 """A world that a killed process was making."""
+_NUMBER = re.compile(r"[0-9]{5}")
+"""A world's folder."""
 _SHOWN = 60
 """Characters of a value that a message shows."""
 _PICTURE = 256
@@ -87,6 +90,8 @@ class Worlds:
     """How many of them were made now; the others were there."""
     failed: tuple[tuple[int, str], ...]
     """Numbers of those that could not be made, and why."""
+    more: int = 0
+    """How many lie in the folder besides, of higher numbers; the table lists them too."""
 
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
@@ -113,7 +118,7 @@ def worlds(
     Args:
         recipe: What to make, or its file.
         out: Folder of all; a folder for each world is made in it.
-        count: How many, instead of what the recipe says.
+        count: How many, instead of what the recipe says; where more are there, these stay.
         folder: What the recipe's paths are relative to; of a file, its own folder.
         only: Folders of the exports to write; by default all of the recipe.
         workers: Processes; by default one for each core, 0 for this one.
@@ -135,9 +140,11 @@ def worlds(
     orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
     require_apart(out, input_paths(recipe, folder))
-    _require_ours(out, recipe, orders)
+    if out.exists() and not out.is_dir():
+        raise OutputError(f"{out} is no folder: choose another name")
     told = partial(_told, out, count)
     with holding(out), telling_interrupts(told):
+        _require_ours(out, recipe, orders)
         require_unlinked(out, POOL).mkdir(exist_ok=True)
         _write(out / ORDER, _order(recipe, orders))
         for left in out.iterdir():
@@ -159,12 +166,14 @@ def worlds(
             progress("worlds", share_done / len(missing))
         drop_unshared(out / POOL)
         folders = tuple(out / name_of(n) for n in range(count) if n not in failed)
-        _write_table(out, folders)
+        there = _worlds_in(out)
+        _write_table(out, there)
     return Worlds(
         directory=out,
         folders=folders,
         made=len(missing) - len(failed),
         failed=tuple(sorted(failed.items())),
+        more=len({*there} - {*folders}),
     )
 
 
@@ -177,6 +186,12 @@ def _told(out: Path, count: int) -> str:
 def name_of(number: int) -> str:
     """The folder of a world."""
     return f"{number:05}"
+
+
+def _worlds_in(out: Path) -> tuple[Path, ...]:
+    """The folders of all worlds that lie in a folder of worlds, by their numbers."""
+    found = (path.parent for path in out.glob(f"*/{SUMMARY}"))
+    return tuple(sorted(path for path in found if _NUMBER.fullmatch(path.name)))
 
 
 def orders_of(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[ExportOrder, ...]:
@@ -210,12 +225,12 @@ def _order(recipe: Recipe, orders: tuple[ExportOrder, ...]) -> dict[str, Any]:
 
 
 def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) -> None:
-    """Refuse a folder that holds anything but worlds of this recipe.
+    """Refuse a folder, which is ours to write now, that holds anything but worlds of this recipe.
 
     Raises:
         OutputError: says what it holds.
     """
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+    if all(path.name == STAGING for path in out.iterdir()):
         return
     try:
         found = read_json(out / ORDER, ORDER)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import warnings
 from types import SimpleNamespace
@@ -113,6 +114,20 @@ def test_driving_to_the_goal_pays_and_standing_does_not(made):
     assert told["ended"] == "stuck"
 
 
+def test_a_rover_that_turned_in_the_last_seconds_is_not_stuck(made):
+    env = make(made, numbers=[0])
+    env.reset(seed=3)
+    place, ended, steps = env.unwrapped.arena.data.qpos[:2].copy(), False, 0
+    while not ended:
+        turn = 1.0 if steps < 40 else 0.0
+        *_, ended, _late, told = env.step(np.array([0.0, turn], np.float32))
+        steps += 1
+        if steps == 60:
+            assert np.hypot(*(env.unwrapped.arena.data.qpos[:2] - place)) < 0.1, "on the spot"
+    assert told["ended"] == "stuck"
+    assert 75 < steps < 95  # five seconds after all but 15 degrees of its turn
+
+
 def test_a_drive_ends_once_a_wheel_is_beyond_the_border(made):
     env = make(made).unwrapped
     env.reset(seed=3)
@@ -194,7 +209,9 @@ def test_depths_end_where_the_ground_begins(made):
 @pytest.mark.parametrize(
     ("given", "why"),
     [
-        ({"numbers": [77]}, "no worlds of these numbers"),
+        ({"numbers": [0, 77, 99]}, "no world 00077, 00099; it has 2, 00000 to 00001$"),
+        ({"numbers": range(9)}, "no world 00002, 00003, 00004, 00005, 00006, …; it has"),
+        ({"numbers": []}, "numbers: none given"),
         ({"difficulty": (0.9, 1.0)}, "no worlds of difficulty 0.9 to 1: theirs is"),
     ],
 )
@@ -211,6 +228,7 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         ({"speed_m_s": -1.0}, "speed_m_s: "),
         ({"speed_m_s": 50.0}, "speed_m_s: 50 is above the rover's "),
         ({"distance_m": float("nan")}, "distance_m: "),
+        ({"distance_m": 0.4}, "distance_m: 0.4, more than 0.4 m, where the rover has arrived"),
         ({"difficulty": (0.2, 7.0)}, r"difficulty\[1\]: "),
         ({"difficulty": 0.5}, "difficulty: "),
         ({"numbers": [-1]}, r"numbers\[0\]: "),
@@ -245,12 +263,15 @@ def test_a_step_before_the_first_reset_is_refused(made):
         make(made).unwrapped.step(np.zeros(2, np.float32))
 
 
-@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.0], [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "action", [[np.nan, 0.0], [0.0], [0.0, 0.0, 0.0], None, "x", {"a": 1}, [None, 1.0], 0.5]
+)
 def test_an_action_that_is_not_two_numbers_is_refused(made, action):
     env = make(made)
     env.reset(seed=1)
-    with pytest.raises(ValueError, match="expected two numbers"):
-        env.step(np.array(action))
+    for given in (action, np.array(action)):
+        with pytest.raises(ValueError, match="expected two numbers"):
+            env.step(given)
 
 
 def test_difficulty_can_rise_while_one_learns(made):
@@ -273,6 +294,20 @@ def test_without_a_display_a_picture_is_refused_in_a_line(made, monkeypatch):
     if sys.platform == "linux":
         with pytest.raises(tf.OutputError, match="MUJOCO_GL=egl"):
             env.render()
+
+
+def test_a_world_whose_scene_is_gone_is_named(made, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(made.directory, out)
+    (out / name_of(1) / "mjcf" / "world.xml").unlink()
+    env = gymnasium.make(ID, worlds=out, distance_m=3.0)
+    with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not whole, make it again: MuJoCo"):
+        env.reset(options={"world": 1})
+
+
+def test_the_goal_is_not_where_the_rover_is(made):
+    env = gymnasium.make(ID, worlds=made.directory, distance_m=0.41)
+    assert min(env.reset(seed=seed)[1]["distance"] for seed in range(20)) > 0.35
 
 
 def test_a_folder_without_worlds_is_told(tmp_path):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import terrain_forge as tf
+from terrain_forge.recipe import recipe_from_json, recipe_json, without_paths
+from terrain_forge.terrain import mask_weight
 from tests.helpers.driving_worlds import recipe
+from tests.helpers.places import ROOT
 
+mujoco = pytest.importorskip("mujoco")
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
 
@@ -76,8 +81,6 @@ def test_a_query_in_a_world_that_is_not_there_is_refused(made, world, found):
 
 
 def test_a_height_field_is_laid_at_the_corner_or_in_the_worlds_frame(made):
-    import mujoco
-
     world = tf.World.load(made.folders[0])
     west, south, _, _ = world.ground.bounds
     top = tf.rock_rasters(world)[0]
@@ -119,8 +122,6 @@ def test_queries_go_to_another_library_without_a_copy(made):
 
 
 def test_generators_of_others_get_ground_and_origin():
-    import mujoco
-
     maker = learning.GroundMaker(recipe=recipe())
     spec = mujoco.MjSpec()
     spec.worldbody.add_body(name="terrain")
@@ -145,16 +146,88 @@ def test_generators_of_others_get_ground_and_origin():
     assert all(mesh.is_watertight for mesh in meshes[1:])
 
 
+@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "recipes").glob("*.yaml")))
+def test_every_recipe_of_ours_makes_ground_for_others(name):
+    maker = learning.GroundMaker.of(tf.load_recipe(ROOT / "recipes" / name))
+    world = maker.world(0.5, 0, size=(8.0, 8.0))
+    assert world.site.size == (8.0, 8.0)
+    assert not world.trajectories
+
+
+def test_what_a_recipe_says_of_its_paths_is_left_out_of_ground_for_others():
+    plain = recipe_json(tf.load_recipe(ROOT / "recipes" / "hello.yaml").recipe)
+    told = json.loads(plain) | {
+        "dataset": {"path": "loop"},
+        "exports": {"mjcf": {"pebbles_min_m": 0.05}},
+        "worlds": {
+            "arrival": {"distance_m": 20.0},
+            "vary": {"paths.loop.speed_m_s": {"uniform": [0.1, 0.3]}},
+        },
+    }
+    bands = [
+        {"route": {"path": "loop", "beyond_m": 1.0}},
+        {"route": {"path": "loop", "within_m": 1.0}},
+        {"route": {"beyond_m": 1.0}, "invert": True},
+        {"route": {"within_m": 1.0}, "invert": True},
+    ]
+    told["terrain"]["layers"] = [{"kind": "fractal", "mask": mask} for mask in bands]
+    given = recipe_from_json(json.dumps(told))
+    own = without_paths(given)
+    assert (own.paths, own.validate, own.dataset) == ((), None, None)
+    assert own.exports == {"mjcf": {}}
+    maker = learning.GroundMaker(recipe=given, folder=ROOT / "recipes")
+    world = maker.world(0.5, 0, size=(4.0, 4.0))
+    site, level = world.site, np.zeros(world.ground.shape)
+    for layer, weight in zip(site.recipe.terrain.layers, (1.0, 0.0, 0.0, 1.0), strict=True):
+        if layer.mask is None:
+            assert weight == 1.0
+        else:
+            found = mask_weight(layer.mask, site=site, window=site.window, elevation=level)
+            assert (found == weight).all()
+
+
 @pytest.mark.parametrize("difficulty", [-0.1, 1.1, np.nan])
 def test_a_difficulty_is_a_part(difficulty):
     maker = learning.GroundMaker(recipe=recipe())
     with pytest.raises(ValueError, match=r"difficulty: \S+, allowed: 0 to 1"):
-        maker.mjlab(difficulty, None, np.random.default_rng(1))
+        maker.mjlab(difficulty, mujoco.MjSpec(), np.random.default_rng(1))
+
+
+def test_ground_for_others_refuses_what_it_cannot_take(made):
+    maker, world = learning.GroundMaker(recipe=recipe()), tf.World.load(made.folders[0])
+    spec, rng = mujoco.MjSpec(), np.random.default_rng(1)
+    for call, why in (
+        (lambda: maker.mjlab("x", spec, rng), "difficulty must be a number, found 'x'"),
+        (lambda: maker.mjlab(0.5, None, rng), "spec must be a mujoco.MjSpec, found a NoneType"),
+        (lambda: maker.mjlab(0.5, spec, None), "rng must be a Generator, found None"),
+        (lambda: maker.mjlab(0.5, spec, rng, size=3.0), "size must be 2 values, each a number"),
+        (lambda: maker.isaac_lab(0.5, None), "cfg.size must be two numbers"),
+        (lambda: maker.isaac_lab(None, SimpleNamespace(size=(4, 4))), "difficulty must be"),
+        (lambda: maker.world(0.5, "x"), "number must be a whole number"),
+        (lambda: learning.GroundMaker.of("hello.yaml"), "file must be a RecipeFile"),
+        (lambda: learning.add_to_spec(None, world), "spec must be a mujoco.MjSpec"),
+        (lambda: learning.add_to_spec(spec, None), "world must be a World, found None"),
+        (lambda: learning.trimeshes(None), "world must be a World, found None"),
+        (lambda: learning.Grounds.of(None), "worlds must be"),
+        (lambda: learning.Grounds.of([1]), "worlds must be"),
+    ):
+        with pytest.raises(tf.DataError, match=why) as caught:
+            call()
+        assert "\n" not in str(caught.value)
+
+
+def test_grounds_are_of_one_world_too(made):
+    folder = made.folders[0]
+    for one in (str(folder), folder, tf.World.load(folder)):
+        grounds = learning.Grounds.of(one)
+        assert np.array_equal(grounds.top, learning.Grounds.of([folder]).top)
+        assert repr(grounds) == "<Grounds: 1 world of 10 × 8 m at 0.1 m>"
+    with pytest.raises(tf.OutputError, match=r"^no worlds: give some, or the folders in which"):
+        learning.Grounds.of([])
 
 
 def test_a_box_slides_on_ground_of_ours_that_is_steeper_than_its_friction(made):
     """Whatever friction the box has: MuJoCo takes the ground's."""
-    mujoco = pytest.importorskip("mujoco")
     world = tf.World.load(made.folders[0])
     far = world.field.select(np.zeros(len(world.field), np.bool_))
     rise = np.tan(np.radians(40.0)) * world.ground.east

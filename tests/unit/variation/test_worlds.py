@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 
 import terrain_forge as tf
-from terrain_forge.building import read_manifest
+from terrain_forge.building import holding, read_manifest
 from terrain_forge.dtm import dtm_heights
 from terrain_forge.model import exporter_names
 from terrain_forge.pipeline import realise
-from terrain_forge.variation import draw, make_grid, name_of, read_summary, worlds
+from terrain_forge.variation import draw, drawing, make_grid, name_of, read_summary, worlds
 from terrain_forge.variation.series import orders_of
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
+from tests.helpers.rasters import write_raster
 
 RECIPE: dict[str, Any] = {
     "name": "many",
@@ -178,6 +179,19 @@ def test_the_table_tells_what_was_drawn(made: Path) -> None:
     assert {"world", "difficulty", "sun.elevation_deg", "arrive"} <= {*head.split(",")}
 
 
+def test_fewer_than_are_there_leave_the_others(made: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made, out)
+    (out / "20261128").mkdir()
+    found = worlds(recipe(tmp_path), out, count=3)
+    assert [path.name for path in found.folders] == [name_of(n) for n in range(3)]
+    assert (found.made, found.more) == (0, 1)
+    assert contents(out) == contents(made)
+    done = run("worlds", tmp_path / "many.yaml", "-o", out, "--count", 1, "--workers", 0)
+    assert "1 world, 0 made now" in done.stdout
+    assert "; 3 more are there" in done.stdout
+
+
 def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     def graded(plain: dict[str, Any]) -> None:
         plain["dtm"]["size_m"] = [12.0, 12.0]
@@ -267,6 +281,24 @@ def test_what_a_scene_has_once_is_the_recipes_in_a_grid(tmp_path: Path) -> None:
         assert not {*cell["drawn"]} & {"body", "rover", "dtm.size_m", "sun.elevation_deg"}
 
 
+def test_a_grid_has_no_paths(tmp_path: Path) -> None:
+    def with_path(plain: dict[str, Any]) -> None:
+        plain["dtm"]["size_m"] = [4.0, 4.0]
+        points = [[-1, -1], [1, 1]]
+        plain["paths"] = [{"name": "way", "route": {"points_m": points}, "speed_m_s": 0.2}]
+        plain["validate"] = {"drive": "way"}
+        plain["dataset"] = {"path": "way"}
+        plain["exports"] = {"mjcf": {"pebbles_min_m": 0.1}}
+        plain["terrain"]["layers"][0]["mask"] = {"route": {"path": "way", "beyond_m": 1}}
+        plain["worlds"]["vary"] = {"paths.way.speed_m_s": {"uniform": [0.1, 0.2]}}
+
+    with pytest.warns(
+        tf.RecipeWarning, match=r"paths\.way\.speed_m_s has no effect: a grid has no"
+    ):
+        out = make_grid(recipe(tmp_path, with_path), tmp_path / "grid", shape=(1, 1), border=6.0)
+    assert not tf.World.load(out).trajectories
+
+
 def test_worlds_that_differ_in_what_a_scene_has_once_are_refused(tmp_path: Path) -> None:
     def varied(plain: dict[str, Any]) -> None:
         grounds = [{"kind": "flat", "size_m": size} for size in ([8.0, 8.0], [6.0, 8.0])]
@@ -294,6 +326,32 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
         heights = dtm_heights(site=site, window=site.window)[::10, ::10]
         rms.append(np.hypot(*np.gradient(heights)).mean())
     assert np.all(np.diff(rms) > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "why"),
+    [
+        (np.uint8, {}, r"^the vertical scale of dtm\.tif \(uint8\) is unknown"),
+        (np.float32, {"destair": True}, r"^the heights of dtm\.tif are float32 and not rounded"),
+    ],
+)
+def test_what_is_wrong_at_any_place_is_told_at_the_first(
+    kind: Any, given: dict[str, Any], why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heights = np.random.default_rng(1).uniform(0, 200, (64, 64)).astype(kind)
+    write_raster(tmp_path, heights)
+
+    def anywhere(plain: dict[str, Any]) -> None:
+        plain["dtm"] = {"source": "dtm.tif", "size_m": [8, 8], **given}
+        plain["worlds"] = {"vary": {"dtm.centre": "anywhere"}}
+
+    tried: list[object] = []
+    monkeypatch.setattr(
+        drawing, "plan", lambda *all, **named: (tried.append(all), tf.plan(*all, **named))[1]
+    )
+    with pytest.raises(tf.DataError, match=why):
+        worlds(recipe(tmp_path, anywhere), tmp_path / "out")
+    assert len(tried) <= 1
 
 
 def test_check_tells_what_differs(tmp_path: Path) -> None:
@@ -402,8 +460,19 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
         worlds(other, tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+    with pytest.raises(tf.OutputError, match=r"letter\.txt is no folder"):
+        worlds(other, tmp_path / "mine/letter.txt")
     assert contents(made) == before
     assert read_summary(made / name_of(1))["number"] == 1
+
+
+def test_of_two_that_write_one_folder_the_second_is_told(made: Path, tmp_path: Path) -> None:
+    """Whatever the first has written by then: nothing but its lock, or worlds of another recipe."""
+    other = recipe(tmp_path, lambda plain: plain.update(seed=4))
+    for out in (tmp_path / "new", made):
+        with holding(out), pytest.raises(tf.OutputError, match="written by another terrain-forge"):
+            worlds(other, out)
 
 
 def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path) -> None:
@@ -423,6 +492,10 @@ def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: 
     done = run("worlds", path, "-o", made, "--workers", 0)
     assert done.returncode == 0, done.stderr
     assert "4 worlds, 0 made now" in done.stdout
+    arrive = [read_summary(made / name_of(n))["measured"]["arrive"] for n in range(4)]
+    mean, low, high = np.mean(arrive), min(arrive), max(arrive)
+    told = f"arrive       {mean:.1%} of all starts, {low:.1%} to {high:.1%} by world"
+    assert told in done.stdout
     for grid in ("3by2", "0x4", "9" * 5000 + "x1"):
         assert "such as 5x8" in run("worlds", path, "--grid", grid).complaints[0]
     for option in (("--count", 3), ("--workers", 2), ("--scheduler", "local")):
