@@ -70,7 +70,7 @@ FORMAT = 1
 _BEGUN = ".begun-"
 _LEFT = re.compile(rf"{re.escape(_BEGUN)}[0-9]{{5,}}-[0-9]+")
 """A world that a killed process was making."""
-_NUMBER = re.compile(r"[0-9]{5}")
+_NUMBER = re.compile(r"[0-9]{5,}")
 """A world's folder."""
 _SHOWN = 60
 """Characters of a value that a message shows."""
@@ -191,7 +191,8 @@ def name_of(number: int) -> str:
 def _worlds_in(out: Path) -> tuple[Path, ...]:
     """The folders of all worlds that lie in a folder of worlds, by their numbers."""
     found = (path.parent for path in out.glob(f"*/{SUMMARY}"))
-    return tuple(sorted(path for path in found if _NUMBER.fullmatch(path.name)))
+    numbered = (path for path in found if _NUMBER.fullmatch(path.name))
+    return tuple(sorted(numbered, key=lambda path: int(path.name)))
 
 
 def orders_of(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[ExportOrder, ...]:
