@@ -20,6 +20,7 @@ from terrain_forge.base import (
     complaint,
     hint_at,
     parts,
+    refused_name,
     require_disk,
     require_unlinked,
     resolved,
@@ -29,7 +30,8 @@ from terrain_forge.base import (
     type_adapter,
     write_through,
 )
-from terrain_forge.datasets.reader import Recording, open_recording
+from terrain_forge.datasets.beside import FORMATS
+from terrain_forge.datasets.reader import INDEX, Recording, open_recording
 from terrain_forge.datasets.sizes import Footprint, footprints_of
 from terrain_forge.datasets.streams import RecordedSensor
 from terrain_forge.model import ExportReport
@@ -38,6 +40,11 @@ Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth",
 """What a rig must have: sensors, or pictures or channels of a camera."""
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
+RESERVED = {
+    *("mav0", "truth", "calibration", "slam", "euroc"),
+    *(INDEX, FORMATS, "plan.json", "written.csv"),
+}
+"""Names in a recording's folder, and its own as a format, that no format of others may have."""
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
 
 
@@ -51,7 +58,7 @@ class DatasetWriter:
     """
 
     kind: ClassVar[str]
-    """The format's name."""
+    """The format's name, and that of its folder in a recording, which has none of that name."""
     title: ClassVar[str]
     """What it is, in a few words."""
     Options: ClassVar[type[Spec]]
@@ -92,8 +99,12 @@ class DatasetWriter:
 @cache
 def dataset_kinds() -> dict[str, type[DatasetWriter]]:
     """All installed formats by their names."""
-    found = parts(DatasetWriter, "terrain_forge.datasets.formats", GROUP)
+    found = parts(DatasetWriter, "terrain_forge.datasets.formats", GROUP, refused=_refused_kind)
     return {one.kind: one for one in found}
+
+
+def _refused_kind(name: str) -> str:
+    return refused_name(name, RESERVED, "recording")
 
 
 def dataset_kind(name: str) -> type[DatasetWriter]:
