@@ -7,6 +7,8 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from math import inf
+from numbers import Real
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
 
@@ -212,7 +214,10 @@ def format_size(kind: str, options: Mapping[str, Any], footprints: Sequence[Foot
 
 def _size(writer: DatasetWriter, footprints: Sequence[Footprint], options: Any) -> float:
     with returning(writer, f"dataset format {writer.kind!r}: size", "a number of bytes"):
-        return float(writer.size(footprints, options))
+        found = writer.size(footprints, options)
+        if not isinstance(found, Real) or not 0.0 <= found < inf:
+            raise ValueError(f"found {found!r}")
+        return float(found)
 
 
 def _require_free(target: Path, recording: Recording) -> None:
