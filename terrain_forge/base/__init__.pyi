@@ -57,6 +57,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import first_link as first_link
 from .links import is_inside as is_inside
 from .links import lies_within as lies_within
 from .links import require_unlinked as require_unlinked

@@ -78,6 +78,7 @@ MODULES = {
     + SPEC
     + "class Options(Spec):\n    what: str = 'write'\n"
     + "def export(world, directory, *, options):\n"
+    + "    if options.what == 'link': (directory / 'mine').symlink_to(__file__)\n"
     + "    if options.what == 'go': os.chdir('/')\n"
     + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
     + "    return ExportReport(files=(), losses=())\n",
@@ -250,6 +251,10 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
         ({"layers": "{kind: odd, what: place}"}, "read-only"),
         ({"exports": "[strayer]"}, "an exporter (straying_exporter) wrote mine beside its folder"),
         ({"exports": "{strayer: {what: go}}"}, "(straying_exporter) changed the current folder"),
+        (
+            {"exports": "{strayer: {what: link}}"},
+            "exporter 'strayer' (straying_exporter) left the link mine in its folder",
+        ),
     ],
 )
 def test_a_plugin_changes_nothing_but_its_own(installed, tmp_path, parts, told):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -109,3 +110,42 @@ def test_a_size_is_a_number_of_bytes(monkeypatch, told):
         format_size("notes", {}, ())
     monkeypatch.setattr(Notes, "told", np.int64(3))
     assert format_size("notes", {}, ()) == 3.0
+
+
+STRAYS = {
+    "beside": (lambda folder: (folder.parent / "a").touch(), "wrote a beside its folder"),
+    "above": (lambda folder: (folder.parents[1] / "b").touch(), "wrote b beside its folder"),
+    "folder": (lambda folder: (folder.parents[1] / "c").mkdir(), "wrote c beside its folder"),
+    "changed": (
+        lambda folder: (folder.parents[1] / "dataset.json").write_text("{}"),
+        "wrote dataset.json beside its folder",
+    ),
+    "link": (
+        lambda folder: (folder / "d").symlink_to("/etc/hosts"),
+        "left the link d in its folder",
+    ),
+    "deep": (
+        lambda folder: ((folder / "e").mkdir(), (folder / "e" / "f").symlink_to(folder)),
+        "left the link e/f in its folder",
+    ),
+    "gone": (shutil.rmtree, "removed its folder"),
+}
+
+
+@pytest.mark.parametrize("name", STRAYS)
+def test_a_format_leaves_nothing_but_files_in_its_folder(world, tmp_path, monkeypatch, name):
+    act, told = STRAYS[name]
+    monkeypatch.setattr(Notes, "act", staticmethod(act))
+    told = re.escape(f"dataset format 'notes' ({__name__}) {told}")
+    for _ in range(1 if name == "folder" else 2):  # a file that it left is not one of before
+        with pytest.raises(PluginError, match=told):
+            tf.record(world, tmp_path, end=1.0)
+    assert not (tmp_path / "dataset" / "notes").exists()
+
+
+def test_what_lies_beside_a_recording_stays(world, tmp_path):
+    mine = tmp_path / "dataset" / "mine.txt"
+    mine.parent.mkdir()
+    mine.write_text("precious")
+    assert (tf.record(world, tmp_path, end=1.0).folder / "notes" / "notes.txt").is_file()
+    assert mine.read_text() == "precious"
