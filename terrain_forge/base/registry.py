@@ -203,7 +203,10 @@ def parts(
     def misfit(member: type) -> str:
         if is_ours(member.__module__):
             return ""
-        return unfit(member) or refused(getattr(member, "kind", ""))
+        if why := unfit(member):
+            return why
+        why = refused(getattr(member, "kind", ""))
+        return why and f"has a wrong kind: {why}"
 
     named = [
         (str(vars(member).get("kind", member.__name__)), member, member.__module__, point)
