@@ -57,6 +57,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
+from .links import first_link as first_link
 from .links import is_inside as is_inside
 from .links import lies_within as lies_within
 from .links import require_unlinked as require_unlinked
@@ -115,7 +116,7 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
-from .specs import is_listed_name as is_listed_name
+from .specs import refused_name as refused_name
 from .specs import type_adapter as type_adapter
 from .storage import require_disk as require_disk
 from .storage import storing as storing

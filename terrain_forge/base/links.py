@@ -42,6 +42,12 @@ def is_inside(name: str) -> bool:
     return plain and bool(place.parts) and not place.is_absolute() and ".." not in place.parts
 
 
+def first_link(folder: Path) -> str:
+    """The first symbolic link in a folder, by its name from there; empty if there is none."""
+    links = (path for path in folder.rglob("*") if path.is_symlink())
+    return min((path.relative_to(folder).as_posix() for path in links), default="")
+
+
 def require_unlinked(folder: Path, name: str | PurePosixPath) -> Path:
     """The place of a name in a folder, to which no link within the folder leads.
 

@@ -182,21 +182,31 @@ def plugin_at_fault(error: BaseException) -> str:
 
 
 def parts(
-    base: type[_Part], folder: str, group: str, *, taken: Iterable[str] = ()
+    base: type[_Part],
+    folder: str,
+    group: str,
+    *,
+    taken: Iterable[str] = (),
+    refused: Callable[[str], str] = lambda _: "",
 ) -> tuple[type[_Part], ...]:
     """All installed subclasses of a base class, in the order of their names.
 
     They tell themselves apart by their class attribute `kind`. Modules of our package `folder` and
     those that entry points of a group name define some; ours keep their kinds, `taken` are ours
     though no module has them. A class of another package that would not work is skipped with a
-    warning, see `unfit`.
+    warning, see `unfit`; so is one whose kind is `refused`, which says why or is empty.
     """
 
     def wanted(member: object) -> bool:
         return isinstance(member, type) and issubclass(member, base) and hasattr(member, "kind")
 
     def misfit(member: type) -> str:
-        return "" if is_ours(member.__module__) else unfit(member)
+        if is_ours(member.__module__):
+            return ""
+        if why := unfit(member):
+            return why
+        why = refused(getattr(member, "kind", ""))
+        return why and f"has a wrong kind: {why}"
 
     named = [
         (str(vars(member).get("kind", member.__name__)), member, member.__module__, point)

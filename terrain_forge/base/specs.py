@@ -8,7 +8,7 @@ docs/recipe.md.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
@@ -67,6 +67,22 @@ def is_listed_name(text: str) -> bool:
     """Whether a file's name can stand among others with commas between, as `--only` takes them."""
     alone = "," not in text and text == text.strip()
     return alone and is_file_name(text) and len(text) <= MAX_NAME
+
+
+def refused_name(name: str, taken: Collection[str], whole: str) -> str:
+    """Why a part of others whose name becomes a folder's must not have it; empty if it may.
+
+    Args:
+        name: The part's name.
+        taken: Names in small letters that are taken there, in any case.
+        whole: Where the folder would lie, such as "world".
+    """
+    if name.lower() in taken:
+        return f"{name!r} is part of every {whole}, choose another name"
+    if is_listed_name(name):
+        return ""
+    allowed = f"up to {MAX_NAME} characters without / \\ : commas, a leading dot or control ones"
+    return f"{name[:MAX_NAME]!r} cannot name a folder, choose another name: {allowed}"
 
 
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]

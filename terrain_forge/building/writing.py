@@ -13,6 +13,7 @@ from terrain_forge.base import (
     ExportError,
     PluginError,
     Stopwatch,
+    first_link,
     in_turn,
     is_ours,
     returning,
@@ -122,7 +123,12 @@ def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict
 
 
 def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
-    """Write one export into its folder of `directory`."""
+    """Write one export into its folder of `directory`.
+
+    Raises:
+        ExportError: if the format cannot hold the world with these options.
+        PluginError: if the exporter returns what it may not, or leaves a link in its folder.
+    """
     folder = directory / order.folder
     folder.mkdir(parents=True)
     try:
@@ -138,6 +144,9 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
                 raise ValueError(f"found {odd[0]}, which is no file in its folder")
     except ExportError as error:
         raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
+    if link := first_link(folder):
+        module = getattr(order.exporter, "__name__", order.kind)
+        raise PluginError(f"exporter {order.kind!r} ({module}) left the link {link} in its folder")
     return Export(
         folder=order.folder,
         kind=order.kind,

@@ -7,19 +7,25 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
+from math import inf
+from numbers import Real
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
 
 from terrain_forge.base import (
     ExportError,
     OutputError,
+    PluginError,
     Progress,
     RecipeError,
     Spec,
     checked,
     complaint,
+    first_link,
     hint_at,
+    is_ours,
     parts,
+    refused_name,
     require_disk,
     require_unlinked,
     resolved,
@@ -29,7 +35,8 @@ from terrain_forge.base import (
     type_adapter,
     write_through,
 )
-from terrain_forge.datasets.reader import Recording, open_recording
+from terrain_forge.datasets.beside import FORMATS
+from terrain_forge.datasets.reader import INDEX, Recording, open_recording
 from terrain_forge.datasets.sizes import Footprint, footprints_of
 from terrain_forge.datasets.streams import RecordedSensor
 from terrain_forge.model import ExportReport
@@ -38,6 +45,12 @@ Need = Literal["two cameras", "pictures without distortion", "a lidar", "depth",
 """What a rig must have: sensors, or pictures or channels of a camera."""
 GROUP = "terrain_forge.datasets"
 """Entry points that name modules of other packages with formats."""
+RESERVED = {
+    *("mav0", "truth", "calibration", "slam", "euroc"),
+    *(INDEX, FORMATS, "plan.json", "written.csv"),
+}
+"""Names in a recording's folder, and its own as a format, that no format of others may have."""
+_States = dict[str, tuple[int, int]]
 _Sensor = TypeVar("_Sensor", bound=RecordedSensor)
 
 
@@ -51,7 +64,7 @@ class DatasetWriter:
     """
 
     kind: ClassVar[str]
-    """The format's name."""
+    """The format's name, and that of its folder in a recording, which has none of that name."""
     title: ClassVar[str]
     """What it is, in a few words."""
     Options: ClassVar[type[Spec]]
@@ -92,8 +105,12 @@ class DatasetWriter:
 @cache
 def dataset_kinds() -> dict[str, type[DatasetWriter]]:
     """All installed formats by their names."""
-    found = parts(DatasetWriter, "terrain_forge.datasets.formats", GROUP)
+    found = parts(DatasetWriter, "terrain_forge.datasets.formats", GROUP, refused=_refused_kind)
     return {one.kind: one for one in found}
+
+
+def _refused_kind(name: str) -> str:
+    return refused_name(name, RESERVED, "recording")
 
 
 def dataset_kind(name: str) -> type[DatasetWriter]:
@@ -133,6 +150,8 @@ def write_dataset(
         DataError: if a file of the recording is broken.
         OutputError: if the folder holds something.
         StorageError: if the disk does not take it.
+        PluginError: if the format is another package's and returns what it may not, leaves a link
+            in its folder, or writes beside it.
     """
     writer = dataset_kind(kind)()
     chosen = _options(writer, options)
@@ -149,8 +168,7 @@ def write_dataset(
         try:
             shutil.rmtree(around, ignore_errors=True)  # what a killed process left
             fresh.mkdir(parents=True)
-            with returning(writer, f"dataset format {kind!r}: write", "a tuple of sentences"):
-                losses = _sentences(writer.write(recording, fresh, chosen, progress))
+            losses = _write(writer, recording, fresh, chosen, progress)
             files = tuple(sorted(p.relative_to(fresh) for p in fresh.rglob("*") if p.is_file()))
             with suppress(FileNotFoundError):
                 target.rmdir()
@@ -161,10 +179,68 @@ def write_dataset(
     return ExportReport(files=files, losses=losses)
 
 
+def _write(
+    writer: DatasetWriter, recording: Recording, fresh: Path, options: Any, progress: Progress
+) -> tuple[str, ...]:
+    """Let a format write into its folder; returns what it cannot say.
+
+    Raises:
+        PluginError: if it returns what it may not, or leaves more than files in that folder.
+    """
+    place = fresh.parents[1]
+    watched = not is_ours(writer.__module__) and place == recording.folder.resolve()
+    before = _states(place) if watched else {}
+    with returning(writer, f"dataset format {writer.kind!r}: write", "a tuple of sentences"):
+        losses = _sentences(writer.write(recording, fresh, options, progress))
+    _require_own(writer, fresh)
+    if watched:
+        _require_same(writer, before, _states(place))
+    return losses
+
+
 def _sentences(losses: tuple[str, ...]) -> tuple[str, ...]:
     if isinstance(losses, str) or not all(isinstance(one, str) for one in losses):
         raise TypeError(f"found {losses!r}")
     return tuple(losses)
+
+
+def _require_own(writer: DatasetWriter, fresh: Path) -> None:
+    """Refuse what a format left beside its folder, and links in it, which lead elsewhere.
+
+    Raises:
+        PluginError: names the module and the file.
+    """
+    if fresh.is_symlink() or not fresh.is_dir():
+        raise PluginError(f"{_named(writer)} removed its folder")
+    if odd := sorted(path.name for path in fresh.parent.iterdir() if path != fresh):
+        raise PluginError(f"{_named(writer)} wrote {odd[0]} beside its folder")
+    if link := first_link(fresh):
+        raise PluginError(f"{_named(writer)} left the link {link} in its folder")
+
+
+def _require_same(writer: DatasetWriter, before: _States, after: _States) -> None:
+    """Refuse a format that changed what lies beside its folder in a recording.
+
+    Raises:
+        PluginError: names the module and the file.
+    """
+    names = sorted(before.keys() | after.keys())
+    if odd := [name for name in names if before.get(name) != after.get(name)]:
+        raise PluginError(f"{_named(writer)} wrote {odd[0]} beside its folder")
+
+
+def _states(folder: Path) -> _States:
+    """What tells the files of a folder, and folders in it, from what they were before."""
+    found = {}
+    for path in folder.iterdir():
+        with suppress(FileNotFoundError):  # another process's, gone meanwhile
+            told = path.lstat()
+            found[path.name] = (told.st_ino, 0 if path.is_dir() else told.st_mtime_ns)
+    return found
+
+
+def _named(writer: DatasetWriter) -> str:
+    return f"dataset format {writer.kind!r} ({type(writer).__module__})"
 
 
 def checked_options(kind: str, options: Mapping[str, Any]) -> Any:
@@ -201,7 +277,10 @@ def format_size(kind: str, options: Mapping[str, Any], footprints: Sequence[Foot
 
 def _size(writer: DatasetWriter, footprints: Sequence[Footprint], options: Any) -> float:
     with returning(writer, f"dataset format {writer.kind!r}: size", "a number of bytes"):
-        return float(writer.size(footprints, options))
+        found = writer.size(footprints, options)
+        if not isinstance(found, Real) or not 0.0 <= found < inf:
+            raise ValueError(f"found {found!r}")
+        return float(found)
 
 
 def _require_free(target: Path, recording: Recording) -> None:

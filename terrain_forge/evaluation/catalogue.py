@@ -10,7 +10,9 @@ import venv
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from terrain_forge.base import (
@@ -24,6 +26,7 @@ from terrain_forge.base import (
     plugins,
     read_text,
     reading,
+    skip_plugin,
 )
 from terrain_forge.evaluation.adapter import Adapter
 from terrain_forge.evaluation.vocabulary import make_vocabulary, vocabulary_file
@@ -38,14 +41,31 @@ _DONE = "installed.json"
 
 @cache
 def known_systems() -> dict[str, Adapter]:
-    """All systems that are known by name: ours, and those of installed packages."""
-    folders = [_OURS]
+    """All systems that are known by name: ours, and those of installed packages.
+
+    A file of theirs that cannot be used is skipped with a warning.
+    """
+    found = {file.stem: read_system(file) for file in _OURS.glob("*.yaml")}
     for point in plugins(GROUP).values():
-        folders += map(Path, getattr(load_plugin(point, GROUP), "__path__", ()))
-    found: dict[str, Adapter] = {}
-    for file in (file for folder in folders for file in sorted(folder.glob("*.yaml"))):
-        found.setdefault(file.stem, read_system(file))
+        if module := load_plugin(point, GROUP):
+            _add_systems(found, point, module)
     return dict(sorted(found.items()))
+
+
+def _add_systems(found: dict[str, Adapter], point: EntryPoint, module: ModuleType) -> None:
+    """Add the systems of another package's folder, but for files that cannot be used."""
+    folders = map(Path, getattr(module, "__path__", ()))
+    files = [file for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    if not files:
+        skip_plugin(point, GROUP, "has no .yaml file of a system")
+    for file in files:
+        if file.stem in found:
+            skip_plugin(point, GROUP, f"{file}: there is a system of that name")
+            continue
+        try:
+            found[file.stem] = read_system(file)
+        except DataError as error:
+            skip_plugin(point, GROUP, str(error))
 
 
 def find_system(name: str) -> Adapter:
@@ -112,8 +132,10 @@ def read_system(path: Path) -> Adapter:
     if not isinstance(plain, dict):
         raise DataError(f"{path}: a system is a mapping of keys")
     adapter, told = TypeAdapter(Adapter), {"name": path.stem, **plain}
+    with reading(str(path)):
+        written = json.dumps(told, default=str)
     try:
-        found: Adapter = adapter.validate_json(json.dumps(told, default=str), strict=True)
+        found: Adapter = adapter.validate_json(written, strict=True)
         found.require_sound()
     except (DataError, RecipeError) as error:
         raise DataError(f"{path}: {error}") from None

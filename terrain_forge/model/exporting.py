@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     FOREIGN_FAILURES,
-    MAX_NAME,
     RecipeError,
     Spec,
     checked,
     failure_words,
     hint_at,
-    is_listed_name,
     load_plugin,
     plugins,
+    refused_name,
     skip_plugin,
     skipped,
     type_adapter,
@@ -131,12 +130,7 @@ class Exporter(Protocol):
 
 def refused_folder(name: str) -> str:
     """Why an export's folder, or an exporter, must not have a name; empty if it may."""
-    if name.lower() in RESERVED:
-        return f"{name!r} is part of every world, choose another name"
-    if is_listed_name(name):
-        return ""
-    allowed = f"up to {MAX_NAME} characters without / \\ : commas, a leading dot or control ones"
-    return f"{name[:MAX_NAME]!r} cannot name a folder, choose another name: {allowed}"
+    return refused_name(name, RESERVED, "world")
 
 
 def exporter_names() -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.base import read_text, to_plain
+from terrain_forge.base import read_text, returning, to_plain
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.order import Spans, joined, within
 from terrain_forge.recording.rig import Folder, body_of, from_body
@@ -104,10 +104,43 @@ def _write_table(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64
     assert isinstance(instrument, Series)
     times = folder.times
     chosen = within(times, spans)
-    columns = {name: column[chosen] for name, column in instrument.samples().items()}
+    columns = {name: column[chosen] for name, column in _samples(folder, instrument).items()}
     name = f"{MAV}/{folder.name}/data.csv"
     store.put(name, written(table(columns, times[chosen] + EPOCH)))
     return np.asarray(times[chosen])
+
+
+def _samples(folder: Folder, instrument: Series) -> dict[str, NDArray[Any]]:
+    """All samples of an instrument, judged: another package's may be anything.
+
+    Raises:
+        PluginError: naming its module, and what is wrong.
+    """
+    what = f"instrument {instrument.kind!r}: samples"
+    with returning(instrument, what, "a finite number of each column at each of its times"):
+        found = {name: np.asarray(column) for name, column in instrument.samples().items()}
+        told = folder.streams["data"].figures.get("columns", [*found])
+        if [*found] != [*told]:
+            raise ValueError(f"found columns {[*found]}, and its streams have {[*told]}")
+        for name, column in found.items():
+            _require_column(name, column, len(instrument.times))
+    return found
+
+
+def _require_column(name: str, column: NDArray[Any], count: int) -> None:
+    """Refuse what cannot stand in a table of so many rows.
+
+    Raises:
+        TypeError, ValueError: says what was found.
+    """
+    if "," in name or len(name.splitlines()) != 1:
+        raise ValueError(f"found a column called {name!r}")
+    if column.dtype.kind not in "iuf":
+        raise TypeError(f"found {column.dtype} in {name!r}")
+    if column.shape != (count,):
+        raise ValueError(f"found shape {column.shape} of {name!r}, not ({count},)")
+    if not np.isfinite(column).all():
+        raise ValueError(f"found what is not finite in {name!r}")
 
 
 def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:

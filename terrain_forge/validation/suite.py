@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import RecipeError, worker_threads
+from terrain_forge.base import FOREIGN_FAILURES, RecipeError, failure_words, worker_threads
 from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
 from terrain_forge.validation.inspection import not_opened
@@ -164,9 +164,9 @@ def read(
         return measure(sample, blank, reading, aspects), reading
     except NotRun as reason:
         status, note = "not run", str(reason)
-    except Exception as error:  # each consumer has its own; an export that it cannot read fails
+    except FOREIGN_FAILURES as error:  # of its own; an export that it cannot read fails
         _log.debug("%s in %s", export.folder, consumer.name, exc_info=True)
-        note = f"cannot be read: {' '.join(str(error).split())}"
+        note = f"cannot be read: {failure_words(error)}"
     return [replace(blank, status=status, note=note)], None
 
 

@@ -33,6 +33,9 @@ odd = odd_check
 odd = odd_section
 [terrain_forge.bodies]
 rock = rock_body
+[terrain_forge.systems]
+fleet = odd_systems
+none = odd_layer
 [terrain_forge.layer]
 misnamed = odd_layer
 """
@@ -42,6 +45,12 @@ import numpy as np
 """
 SPEC = "@dataclass(frozen=True, kw_only=True)\n"
 MODULES = {
+    "odd_systems/__init__.py": "",
+    "odd_systems/broken.yaml": "about: [1,2\n",
+    "odd_systems/keyed.yaml": "? [a, b]\n: 1\n",
+    "odd_systems/kiss-icp.yaml": "about: x\n",
+    "odd_systems/lacking.yaml": "about: x\n",
+    "odd_systems/mine.yaml": "about: x\nneeds: []\ncommand: 'run {recording} {output}'\n",
     "gone_exporter.py": "import a_module_that_nobody_has\n",
     "odd_exporter.py": HEAD
     + "from terrain_forge.base import Spec\n"
@@ -69,6 +78,7 @@ MODULES = {
     + SPEC
     + "class Options(Spec):\n    what: str = 'write'\n"
     + "def export(world, directory, *, options):\n"
+    + "    if options.what == 'link': (directory / 'mine').symlink_to(__file__)\n"
     + "    if options.what == 'go': os.chdir('/')\n"
     + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
     + "    return ExportReport(files=(), losses=())\n",
@@ -241,6 +251,10 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
         ({"layers": "{kind: odd, what: place}"}, "read-only"),
         ({"exports": "[strayer]"}, "an exporter (straying_exporter) wrote mine beside its folder"),
         ({"exports": "{strayer: {what: go}}"}, "(straying_exporter) changed the current folder"),
+        (
+            {"exports": "{strayer: {what: link}}"},
+            "exporter 'strayer' (straying_exporter) left the link mine in its folder",
+        ),
     ],
 )
 def test_a_plugin_changes_nothing_but_its_own(installed, tmp_path, parts, told):
@@ -339,6 +353,25 @@ def test_an_exporter_whose_name_can_be_no_folder_is_refused(installed, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
+def test_a_system_s_file_that_cannot_be_used_is_skipped_beside_those_that_can(installed):
+    with fresh(installed, anew=True):
+        done = run("evaluate", "--list")
+    assert done.returncode == 0, done.stderr
+    names = [line.split()[0] for line in done.stdout.splitlines()]
+    assert {"mine", "kiss-icp"} <= set(names)
+    assert not {"broken", "keyed", "lacking"} & set(names)
+    folder = installed / "odd_systems"
+    for file, why in {
+        "broken.yaml": " cannot be read: while parsing a flow sequence",
+        "keyed.yaml": " cannot be read: keys must be",
+        "kiss-icp.yaml": ": there is a system of that name",
+        "lacking.yaml": ": command: is missing",
+    }.items():
+        told = f"system 'fleet' (odd_systems) is skipped: {folder / file}{why}"
+        assert done.stderr.count(told) == 1, done.stderr
+    assert "system 'none' (odd_layer) is skipped: has no .yaml file of a system" in done.stderr
+
+
 def test_doctor_lists_the_parts_of_others(installed):
     with fresh(installed, anew=True):
         done = run("doctor")
@@ -356,7 +389,11 @@ def test_doctor_lists_the_parts_of_others(installed):
         "choose another name",
         f"exporter ../evil not working (liar_exporter): '../evil' {UNNAMED}",
         f"exporter a,b not working (liar_exporter): 'a,b' {UNNAMED}",
+        "system none not working (odd_layer): has no .yaml file of a system",
         "exporter gone not working (gone_exporter): No module named 'a_module_that_nobody_has'",
     ):
         assert line in lines, done.stdout
+    assert f"system fleet not working (odd_systems): {installed}/odd_systems/broken.yaml" in (
+        " ".join(done.stdout.split())
+    )
     assert done.stderr.count("a_module_that_nobody_has") == 1

@@ -11,6 +11,7 @@ import pytest
 
 from terrain_forge.base import PluginError, RecipeError, parts, registry, returning
 from terrain_forge.datasets import dataset_kinds
+from terrain_forge.datasets.writer import RESERVED
 from terrain_forge.model import sensor_kinds
 from terrain_forge.paths import NamedShape
 from terrain_forge.paths.named_shape import shortening
@@ -70,6 +71,25 @@ def test_a_module_that_brings_nothing_is_told(plugged, caplog):
     plugged("empty", "", group)
     assert parts(CraterProduction, "terrain_forge.terrain.cratering.productions", group)
     assert "crater production 'empty' (empty) is skipped: has no CraterProduction" in caplog.text
+
+
+FORMAT = """
+from terrain_forge.base import Spec
+from terrain_forge.datasets import DatasetWriter
+class Mine(DatasetWriter):
+    title, Options = "mine", Spec
+    kind = {!r}
+    def write(self, recording, folder, options, progress): return ()
+"""
+
+
+@pytest.mark.parametrize("name", sorted([*RESERVED, "MAV0", "../up", ".writing", "a,b"]))
+def test_a_format_that_would_be_a_recording_s_own_folder_is_skipped(plugged, caplog, name):
+    plugged("foreign_format", FORMAT.format(name), "terrain_forge.datasets")
+    assert dataset_kinds.__wrapped__() == dataset_kinds()
+    assert "dataset 'foreign_format' (foreign_format) is skipped: Mine" in caplog.text
+    assert f"{name!r}" in caplog.text
+    assert "choose another name" in caplog.text
 
 
 FRAME = """

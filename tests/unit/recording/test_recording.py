@@ -19,6 +19,7 @@ from terrain_forge.base import DataError, OutputError, RecipeError, StorageError
 from terrain_forge.datasets import DatasetWriter, open_recording
 from terrain_forge.datasets import writer as writer_file
 from terrain_forge.datasets.formats.calibration import Calibration
+from terrain_forge.evaluation.bench import RESULTS
 from terrain_forge.model import sensor_kinds
 from terrain_forge.recipe import DatasetSpec, recipe_json
 from terrain_forge.recording import formats as formats_file
@@ -176,6 +177,11 @@ def test_the_folder_is_laid_out_as_readers_expect(whole, world):
     gyro = table(folder / "mav0/imu0/data.csv")
     assert gyro[0] == ["#timestamp [ns]", "w_RS_S_z [rad s^-1]", "ticks []"]
     assert gyro[7][::2] == [str(EPOCH + 60_000_000), "6"]
+
+
+def test_no_format_of_others_has_a_name_of_the_folder(whole):
+    assert {path.name for path in whole[0].iterdir()} <= writer_file.RESERVED
+    assert {formats_file.MASTER, formats_file.CALIBRATION, RESULTS} <= writer_file.RESERVED
 
 
 def test_the_truth_is_that_of_the_motion_at_each_sensor_s_own_times(whole, world):
