@@ -49,8 +49,8 @@ class Options(Spec):
     times what gets through the air of the Sun's irradiance."""
     pebbles_min_m: NotNegative = 0.0
     """Smallest pebbles that lie near the paths, for pictures alone [m]; 0 for none. They are in
-    `pebbles.glb`, beside the world's file, as many as the law of the recipe's smallest rocks gives
-    on down to there."""
+    `pebbles.glb` beside the world's file, of a site in tiles in `pebbles_ROW_COLUMN.glb`, as many
+    as the law of the recipe's smallest rocks gives on down to there."""
     pebbles_within_m: Positive = 2.0
     """How far from a path they lie, at most [m]."""
 

@@ -178,7 +178,8 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Refuse pebbles that the recipe cannot have; tiles share nothing."""
     del directory
     if options.pebbles_min_m > 0.0:
-        require_pebbles(world.site, smallest=options.pebbles_min_m)
+        smallest, within = options.pebbles_min_m, options.pebbles_within_m
+        require_pebbles(world.site, smallest=smallest, within=within)
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:

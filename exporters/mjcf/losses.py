@@ -58,7 +58,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *_rock_losses(world, options),
         *static_losses(world.field),
         *collision_losses(touched_shapes(world)),
-        *rock_look_losses(world),
+        *rock_look_losses(world, tinted=True),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
         *world.rover.notes,

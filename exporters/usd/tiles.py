@@ -174,7 +174,8 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
     if options.pebbles_min_m > 0.0:
-        require_pebbles(world.site, smallest=options.pebbles_min_m)
+        smallest, within = options.pebbles_min_m, options.pebbles_within_m
+        require_pebbles(world.site, smallest=smallest, within=within)
     assets = directory / "assets"
     assets.mkdir(exist_ok=True)
     shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())

@@ -43,7 +43,12 @@ def is_inside(name: str) -> bool:
 
 
 def first_link(folder: Path) -> str:
-    """The first symbolic link in a folder, by its name from there; empty if there is none."""
+    """The first symbolic link in a folder, by its name from there; empty if there is none.
+
+    A folder that is one itself is called `.`, and not looked into.
+    """
+    if folder.is_symlink():
+        return "."
     links = (path for path in folder.rglob("*") if path.is_symlink())
     return min((path.relative_to(folder).as_posix() for path in links), default="")
 

@@ -226,13 +226,17 @@ def _require_same(writer: DatasetWriter, before: _States, after: _States) -> Non
     """
     names = sorted(before.keys() | after.keys())
     if odd := [name for name in names if before.get(name) != after.get(name)]:
-        raise PluginError(f"{_named(writer)} wrote {odd[0]} beside its folder")
+        raise PluginError(
+            f"{_named(writer)} changed {odd[0]} beside its folder, or another process did meanwhile"
+        )
 
 
 def _states(folder: Path) -> _States:
     """What tells the files of a folder, and folders in it, from what they were before."""
     found = {}
     for path in folder.iterdir():
+        if path.name.startswith(".") or path.name in dataset_kinds():
+            continue  # another process may write another format meanwhile
         with suppress(FileNotFoundError):  # another process's, gone meanwhile
             told = path.lstat()
             found[path.name] = (told.st_ino, 0 if path.is_dir() else told.st_mtime_ns)

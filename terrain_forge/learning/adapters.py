@@ -9,6 +9,7 @@ and an origin (`isaaclab.terrains.sub_terrain_cfg`). Both want ground from (0, 0
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from terrain_forge.recipe import (
     Recipe,
     RecipeFile,
     WorldsSpec,
-    without_paths,
 )
 from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import draw
@@ -71,14 +71,16 @@ class GroundMaker:
         """
         if not 0.0 <= difficulty <= 1.0:
             raise ValueError(f"difficulty: {difficulty:g}, allowed: 0 to 1")
-        recipe = without_paths(self.recipe)
+        recipe, number = self.recipe, _numbered(number)
         if size is not None:
-            recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=size))
+            sides = float(size[0]), float(size[1])
+            recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=sides))
         spec = recipe.worlds or WorldsSpec()
         wish = spec.difficulty or DifficultySpec()
         # How far goals are is not looked at, lest a small world had none.
         recipe = replace(recipe, worlds=replace(spec, difficulty=wish, arrival=ArrivalSpec()))
-        site = draw(recipe, number, folder=self.folder, difficulty=float(difficulty)).site
+        level, folder = float(difficulty), self.folder
+        site = draw(recipe, number, folder=folder, difficulty=level, paths=False).site
         return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
 
     @checked
@@ -131,6 +133,7 @@ class GroundMaker:
         seed = getattr(cfg, "seed", None)
         if seed is None:
             seed = int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
+        seed = _numbered(seed)
         number = int(stage_key(seed, f"isaac_lab/{float(difficulty)!r}")) % 2**31
         world = self.world(difficulty, number, size=size)
         return trimeshes(world), self._origin(world)
@@ -225,6 +228,21 @@ def add_to_spec(
         priority=_PRIORITY,
     )
     return geom, field
+
+
+def _numbered(number: Any) -> int:
+    """A number of a world, or a seed.
+
+    Raises:
+        DataError: for anything else.
+    """
+    try:
+        found = index(number)
+    except TypeError:
+        raise DataError(f"{number!r} is no whole number") from None
+    if found < 0:
+        raise DataError(f"{number!r} is below 0")
+    return found
 
 
 def _require_spec(spec: Any) -> None:

@@ -366,7 +366,7 @@ def _numbers(action: Any) -> tuple[float, float]:
     """
     try:
         ahead, aside = (float(one) for one in np.ravel(action))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         ahead = aside = math.nan
     if math.isnan(ahead + aside):
         raise ValueError(f"action: {action}, expected two numbers of -1 to 1")

@@ -59,7 +59,7 @@ class Grounds:
         """
         if isinstance(worlds, World | Path | str):
             worlds = (worlds,)
-        loaded = [one if isinstance(one, World) else World.load(one) for one in worlds]
+        loaded = [_world(one) for one in worlds]
         if not loaded:
             raise OutputError("no worlds: give some, or the folders in which they were built")
         kinds = {(one.ground.shape, one.ground.spacing, one.ground.origin) for one in loaded}
@@ -170,6 +170,15 @@ class Grounds:
         z, world = self.elevation, self._worlds(world)
         corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
         return corners, x - i, y - j
+
+
+def _world(one: Any) -> World:
+    """A world, or that of a folder."""
+    if isinstance(one, World):
+        return one
+    if not isinstance(one, Path | str):
+        raise DataError(f"a world or its folder is wanted, found a {type(one).__name__}")
+    return World.load(one)
 
 
 def _number(values: Any) -> Any:

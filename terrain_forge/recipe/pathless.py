@@ -9,7 +9,7 @@ from terrain_forge.recipe.idle import NEAR_PATHS
 from terrain_forge.recipe.schema import Recipe
 from terrain_forge.terrain import HeightBand, Mask
 
-_OF_PATHS = ("paths", "validate", "dataset")
+OF_PATHS = ("paths", "validate", "dataset")
 """Parts of a recipe that are of its paths, or of what is done along them."""
 _NOWHERE = HeightBand(above_m=FARTHEST)
 
@@ -17,18 +17,15 @@ _NOWHERE = HeightBand(above_m=FARTHEST)
 def without_paths(recipe: Recipe) -> Recipe:
     """The recipe of the same ground without paths, nor drives and recordings along them.
 
-    Masks by the distance to a path are as they are far away from any; pebbles near paths and wishes
-    that name what is of paths are left out.
+    Masks by the distance to a path are as they are far away from any; what exports have near paths
+    is left out. `worlds` stays as it is: its keys may be of paths.
     """
-    terrain, worlds, exports = recipe.terrain, recipe.worlds, recipe.exports
+    terrain, exports = recipe.terrain, recipe.exports
     terrain = replace(
         terrain,
         layers=tuple(replace(one, mask=_far(one.mask)) for one in terrain.layers),
         materials=tuple(replace(one, mask=_far(one.mask)) for one in terrain.materials),
     )
-    if worlds is not None:
-        kept = {key: wish for key, wish in worlds.vary.items() if not _is_of_paths(key)}
-        worlds = replace(worlds, vary=kept)
     if isinstance(exports, dict):
         exports = {
             folder: {key: value for key, value in options.items() if key not in NEAR_PATHS}
@@ -41,14 +38,7 @@ def without_paths(recipe: Recipe) -> Recipe:
         exports=exports,
         validate=None,
         dataset=None,
-        worlds=worlds,
     )
-
-
-def _is_of_paths(key: str) -> bool:
-    """Whether a dotted key names what is of paths."""
-    own = any(f"{key}.".startswith(f"{part}.") for part in _OF_PATHS)
-    return own or ".mask.route." in f"{key}."
 
 
 def _far(mask: Mask | None) -> Mask | None:

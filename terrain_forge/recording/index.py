@@ -117,9 +117,11 @@ def _samples(folder: Folder, instrument: Series) -> dict[str, NDArray[Any]]:
         PluginError: naming its module, and what is wrong.
     """
     what = f"instrument {instrument.kind!r}: samples"
+    with returning(instrument, f"instrument {instrument.kind!r}: streams", "one called data"):
+        figures = folder.streams["data"].figures
     with returning(instrument, what, "a finite number of each column at each of its times"):
         found = {name: np.asarray(column) for name, column in instrument.samples().items()}
-        told = folder.streams["data"].figures.get("columns", [*found])
+        told = figures.get("columns", [*found])
         if [*found] != [*told]:
             raise ValueError(f"found columns {[*found]}, and its streams have {[*told]}")
         for name, column in found.items():
@@ -149,7 +151,7 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
     Returns their times.
     """
     times = whole_times(folder, store)
-    suffix = next(iter(folder.streams.values())).suffix
+    suffix = folder.streams.get("data", next(iter(folder.streams.values()))).suffix
     place = f"{MAV}/{folder.name}"
     store.put(f"{place}/data.csv", files_text((times + EPOCH).tolist(), suffix))
     instrument = folder.instrument

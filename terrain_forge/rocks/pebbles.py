@@ -15,11 +15,11 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, checked, mix, stage_key
-from terrain_forge.model import RockField, Site, TiledSite, World, merge, owned
+from terrain_forge.model import USUAL_CELLS, RockField, Site, TiledSite, World, merge, owned
 from terrain_forge.rocks.near_paths import path_distance, path_points
 
 MOST_PEBBLES = 2_000_000
-"""Pebbles that one world may have."""
+"""Pebbles that one world, or tile, may have."""
 FIRST_ID = 2**30
 """Least id of the first; it is above those of all rocks."""
 _CELL = 0.5  # side of the squares that are drawn by themselves [m]
@@ -29,7 +29,8 @@ _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
 def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     """Pebbles from a diameter [m] on, up to a distance from the world's paths [m].
 
-    The same pebbles lie in any window. Their ids are above those of the world's rocks.
+    The same pebbles lie in any window, but for their ids, by which they have a colour. Those are
+    above the ids of the world's rocks.
 
     Raises:
         ExportError: if no law tells their number, or if there would be too many.
@@ -38,11 +39,7 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
     cells = _cells(world, within)
     expected = density * _CELL**2 * len(cells)
-    if expected > MOST_PEBBLES:
-        raise ExportError(
-            f"some {expected:,.0f} pebbles from {smallest:g} m within {within:g} m of the paths, "
-            f"at most {MOST_PEBBLES:,}: choose a larger pebbles_min_m or smaller pebbles_within_m"
-        )
+    _require_few(expected, smallest, within)
     key = stage_key(world.site.seed, "path-pebbles")
     plan, hashes = [np.empty((0, 2))], [np.empty(0, np.uint64)]
     for column, row in cells.tolist():
@@ -55,6 +52,15 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     near = path_distance(world, places) <= within
     near &= world.ground.covers(places[:, 0], places[:, 1])
     return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
+
+
+def _require_few(expected: float, smallest: float, within: float) -> None:
+    if expected > MOST_PEBBLES:
+        raise ExportError(
+            f"some {expected:,.0f} pebbles from {smallest:g} m within {within:g} m of the paths of "
+            f"a world or tile, at most {MOST_PEBBLES:,}: choose a larger pebbles_min_m or smaller "
+            "pebbles_within_m"
+        )
 
 
 def tile_pebbles(
@@ -90,13 +96,21 @@ def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World
     return world.replace(field=merge(world.field, pebbles))
 
 
-def require_pebbles(site: Site, *, smallest: float) -> None:
-    """Refuse pebbles from a diameter [m] on that a site's recipe cannot have.
+def require_pebbles(site: Site, *, smallest: float, within: float) -> None:
+    """Refuse pebbles that a site in tiles cannot have, before a tile is made.
+
+    A path that winds in a tile may have too many yet.
 
     Raises:
-        ExportError: if no law tells their number, or there is no path.
+        ExportError: if no law tells their number, there is no path, or would be too many along one
+            that goes straight through a tile.
     """
-    _law(site, smallest, paths=bool(site.recipe.paths))
+    law, largest = _law(site, smallest, paths=bool(site.recipe.paths))
+    tiles = site.recipe.tiles
+    side = tiles.size_m if tiles and tiles.size_m else USUAL_CELLS * site.spacing
+    area = min(2.0 * within, side) * min(side, *site.size)
+    density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
+    _require_few(density * area, smallest, within)
 
 
 def _law(site: Site, smallest: float, *, paths: bool) -> tuple[Any, float]:
@@ -140,6 +154,7 @@ def _cells(world: World, within: float) -> Array:
         steps = np.arange(-reach, reach + 1)
         around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         cells = np.unique((on_path[:, None, :] + around).reshape(-1, 2), axis=0)
+        cells = cells[((cells >= bounds[:2]) & (cells <= bounds[2:])).all(axis=1)]
     else:  # more than the site has
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     return np.asarray(cells[path_distance(world, (cells + 0.5) * _CELL) <= within + _CELL])

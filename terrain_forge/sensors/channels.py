@@ -131,15 +131,22 @@ def occlusion_file(
         times: When [s], shape [height].
         near: What of the rover is nearer to it hides nothing [m].
     """
+    values = np.zeros(exposure.depth.shape, dtype=np.uint8)
     met = np.isfinite(exposure.depth)
+    if not met.any():
+        return encode_png(values)
     row = np.nonzero(met)[0]
+    if times[0] == times[-1]:  # one pose serves all rows
+        row, other, turns, times = np.zeros_like(row), other[:1], turns[:1], times[:1]
     towards = points[met] - other[row]
     distance = portable.norm(towards)
     rays = towards / distance[:, None]
-    hits = scenery.cast(other[row], rays, times[row], near=near)
+    moments = times[row] if len(times) > 1 else times
+    hits = scenery.cast(other[row], rays, moments, near=near)
     hidden = hits.distance < distance * (1.0 - _LIFT) - _NEAR
-    own = (rays[:, :, None] * turns[row]).sum(axis=1)
-    values = np.zeros(exposure.depth.shape, dtype=np.uint8)
+    ends = np.searchsorted(row, np.arange(1, len(turns)))
+    parts = zip(np.split(rays, ends), turns, strict=True)
+    own = np.concatenate([portable.product(part, turn) for part, turn in parts])
     values[met] = np.where(hidden | ~within(lens, own), 255, 0)
     return encode_png(values)
 

@@ -106,7 +106,7 @@ def _cover(population: PopulationSpec) -> float:
 def _changes(own: dict[str, Any], layer: Any, spec: DifficultySpec, level: float) -> dict[str, Any]:
     """What becomes of a layer, by its keys."""
     if own["kind"] == "fractal" and spec.roughness is not None:
-        return {"gain": own["gain"] * between(*spec.roughness, level, logarithmic=True)}
+        return {"gain": own.get("gain", 1.0) * between(*spec.roughness, level, logarithmic=True)}
     if own["kind"] == "ripples" and spec.ripple_ratio is not None:
         assert isinstance(layer, Ripples)
         ratio = between(*spec.ripple_ratio, level, logarithmic=False)

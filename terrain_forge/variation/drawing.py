@@ -28,6 +28,7 @@ from terrain_forge.recipe import (
     Variation,
     WorldsSpec,
     numbered,
+    without_paths,
 )
 from terrain_forge.variation.difficulty import between, meet, with_difficulty
 from terrain_forge.variation.values import checked_recipe, drawn_value, plain_recipe, put_value
@@ -71,7 +72,14 @@ class Drawn:
     """What was drawn, by the key in the recipe."""
 
 
-def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None = None) -> Drawn:
+def draw(
+    recipe: Recipe,
+    number: int,
+    *,
+    folder: Path,
+    difficulty: float | None = None,
+    paths: bool = True,
+) -> Drawn:
     """Draw one of a recipe's worlds.
 
     It hangs on the recipe's seed and the number alone, not on how many there are.
@@ -81,6 +89,7 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
         number: Of the world, from 0.
         folder: What the recipe's paths are relative to.
         difficulty: Its difficulty, instead of a drawn one.
+        paths: Whether it has paths; without, what was drawn is as `without_paths` says.
 
     Raises:
         RecipeError, DataError: if such a world cannot be; names the key.
@@ -105,6 +114,8 @@ def draw(recipe: Recipe, number: int, *, folder: Path, difficulty: float | None 
             varied = _keys(recipe).values()
             values = with_difficulty(plain, own, spec.difficulty, level, varied=varied) | values
             own = checked_recipe(plain, ("worlds",))
+        if not paths:
+            own = without_paths(own)
         _require_goals(own, spec.arrival.distance_m)
         if spec.vary.get(_CENTRE) == "anywhere" or _ranked(spec, own, level):
             rank = level if _ranked(spec, own, level) else None

@@ -31,6 +31,7 @@ from terrain_forge.making import make_world, plan
 from terrain_forge.model import Heightfield, Site, World
 from terrain_forge.recipe import (
     MOST_WORLDS,
+    OF_PATHS,
     DifficultySpec,
     ExportOrder,
     Recipe,
@@ -103,8 +104,9 @@ def make_grid(
     out = resolved(out)
     require_ours(out)
     _require_fits(recipe, shape, _margin(recipe, border or BORDER))
-    recipe = _of_grid(recipe)
-    orders = orders_of(recipe, only)
+    orders_of(recipe, only)  # refuses what no export has
+    recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))
+    orders = orders_of(without_paths(recipe), only)
     require_drawable(recipe, folder)
     whole, cells = _assembled(recipe, folder, shape, border, orders, progress)
     with replacing(out) as directory:
@@ -187,12 +189,11 @@ def _scene(
     (across, up), spacing = _cells(recipe, margin), recipe.terrain.spacing_m
     site = plan(
         replace(
-            recipe,
+            without_paths(recipe),
             name=f"{recipe.name}-grid",
             dtm=FlatDtm(size_m=(shape[1] * across * spacing, shape[0] * up * spacing)),
             terrain=replace(recipe.terrain, layers=()),
             rocks=RocksSpec(library=recipe.rocks.library),
-            validate=None,
             worlds=None,
         ),
         folder=folder,
@@ -288,22 +289,12 @@ def _worlds(
     for row in range(rows):
         level = low + (high - low) * (row / (rows - 1) if rows > 1 else 0.5)
         for column in range(columns):
-            drawn = draw(recipe, row * columns + column, folder=folder, difficulty=level)
-            _require_common(drawn.recipe, recipe)
+            number = row * columns + column
+            drawn = draw(recipe, number, folder=folder, difficulty=level, paths=False)
+            _require_common(drawn.recipe, without_paths(recipe))
             site = drawn.site
             world = make_world(site, site.window, settled=True, progress=Stopwatch(silent))
             yield world, summary_of(drawn, world, spec.arrival), row, column
-
-
-def _of_grid(recipe: Recipe) -> Recipe:
-    """The recipe of worlds of one scene, without paths; warns of the wishes that have no effect."""
-    wishes = _without_common(recipe.worlds or WorldsSpec())
-    own = without_paths(replace(recipe, worlds=wishes))
-    assert own.worlds is not None
-    for name in wishes.vary:
-        if name not in own.worlds.vary:
-            warn_user(f"worlds.vary.{name} has no effect: a grid has no paths")
-    return own
 
 
 def _without_common(spec: WorldsSpec) -> WorldsSpec:
@@ -312,7 +303,9 @@ def _without_common(spec: WorldsSpec) -> WorldsSpec:
     for name, wish in spec.vary.items():
         steps = tuple(name.split("."))
         once = next((key for key in _COMMON if steps[: len(key)] == key), None)
-        if once is None:
+        if steps[0] in OF_PATHS:
+            warn_user(f"worlds.vary.{name} has no effect: a grid has no paths")
+        elif once is None:
             varied[name] = wish
         else:
             warn_user(

@@ -153,6 +153,8 @@ def worlds(
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
         for n in sorted({*range(count)} - {*missing}):
             _require_whole(out / name_of(n))
+        for world in _worlds_in(out):  # the table lists them all in the end
+            read_summary(world)
         if missing:
             compile_ahead(progress)
         task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)

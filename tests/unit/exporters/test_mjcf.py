@@ -9,6 +9,7 @@ from PIL import Image
 from terrain_forge.exporters import mjcf
 from terrain_forge.exporters.mjcf import Options
 from terrain_forge.exporters.mjcf.blocks import CELLS, split_ground, wide_rocks
+from terrain_forge.exporters.mjcf.losses import list_losses
 from terrain_forge.exporters.mjcf.rocks import SCALE_ERROR, shared_scale
 
 from terrain_forge.base import (
@@ -397,6 +398,7 @@ def test_large_rocks_show_their_texture(world, tmp_path):
     names = [model.geom(n).name for n in range(model.ngeom)]
     looks = {int(model.geom(name).matid[0]) for name in names if name.endswith("_shape")}
     assert len(looks) > 2, "rocks differ in colour"
+    assert not any("of one colour" in line for line in list_losses(world, mjcf.Options()))
     assert sum(name.endswith("_shape") for name in names) == (field.diameter >= 0.6).sum()
 
 

@@ -270,3 +270,27 @@ class Watched:
         del dtype, copy
         self._seen.append(self._name)
         return self._top
+
+
+@pytest.mark.parametrize(
+    ("mask", "vary"),
+    [
+        ({"route": {"within_m": 1.0}, "height": {"above_m": -5}}, {"mask.height.above_m": [-9, -8]}),
+        ({"route": {"beyond_m": 1.0}}, {"mask.invert": None}),
+        ({"route": {"beyond_m": 1.0}}, {"mask": None}),
+    ],
+)  # fmt: skip
+def test_what_is_drawn_of_masks_by_paths_is_as_far_from_any(mask, vary):
+    plain = json.loads(recipe_json(tf.load_recipe(ROOT / "recipes" / "hello.yaml").recipe))
+    plain["terrain"]["layers"] = [{"kind": "fractal", "mask": mask}]
+    (key, low_high), *_ = vary.items()
+    choice = [True] if key.endswith("invert") else [{"route": {"within_m": 2.0}}]
+    wish = {"uniform": low_high} if low_high else {"choice": choice}
+    plain["worlds"] = {"vary": {f"terrain.layers.0.{key}": wish}}
+    maker = learning.GroundMaker(
+        recipe=recipe_from_json(json.dumps(plain)), folder=ROOT / "recipes"
+    )
+    site = maker.world(0.5, 0, size=(4.0, 4.0)).site
+    (layer,) = site.recipe.terrain.layers
+    level = np.zeros((site.window.rows + 1, site.window.columns + 1))
+    assert not mask_weight(layer.mask, site=site, window=site.window, elevation=level).any()

@@ -114,11 +114,17 @@ def test_a_size_is_a_number_of_bytes(monkeypatch, told):
 
 STRAYS = {
     "beside": (lambda folder: (folder.parent / "a").touch(), "wrote a beside its folder"),
-    "above": (lambda folder: (folder.parents[1] / "b").touch(), "wrote b beside its folder"),
-    "folder": (lambda folder: (folder.parents[1] / "c").mkdir(), "wrote c beside its folder"),
+    "above": (
+        lambda folder: (folder.parents[1] / "b").touch(),
+        "changed b beside its folder",
+    ),
+    "folder": (
+        lambda folder: (folder.parents[1] / "c").mkdir(),
+        "changed c beside its folder",
+    ),
     "changed": (
         lambda folder: (folder.parents[1] / "dataset.json").write_text("{}"),
-        "wrote dataset.json beside its folder",
+        "changed dataset.json beside its folder",
     ),
     "link": (
         lambda folder: (folder / "d").symlink_to("/etc/hosts"),

@@ -101,15 +101,17 @@ class Rates(Series):
 
 
 class Heat(Picture):
-    """Files of another kind than pictures and sweeps, none of whose streams is called data."""
+    """Files of another kind than pictures and sweeps; `data` is none of them, or not the first."""
 
     kind, folder = "sun_sensor", "heat"
 
     def streams(self):
-        return (Stream(name="fan", suffix=".txt"),)
+        more = (Stream(name="data", suffix=".bin"),) if self.sensor.name == "both" else ()
+        return (Stream(name="fan", suffix=".txt"), *more)
 
     def measure(self, number):
-        return {"fan": f"{number}\n".encode()}
+        files = {"fan": f"{number}\n".encode(), "data": bytes([number])}
+        return {stream.name: files[stream.name] for stream in self.streams()}
 
     def tables(self, numbers):
         return {}
@@ -541,10 +543,15 @@ def test_a_recording_is_not_made_behind_a_link(world, tmp_path):
 
 def test_files_of_any_kind_are_read_back(world, tmp_path, monkeypatch):
     monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: KINDS | {Heat.kind: Heat})
-    sensor = sensor_kinds()[Heat.kind](name="heat", rate_hz=2.0, position_m=(0, 0, 1))
-    world = world.replace(rover=world.rover.replace(sensors=(*world.rover.sensors, sensor)))
+    more = [
+        sensor_kinds()[Heat.kind](name=name, rate_hz=2.0, position_m=(0, 0, 1))
+        for name in ("heat", "both")
+    ]
+    world = world.replace(rover=world.rover.replace(sensors=(*world.rover.sensors, *more)))
     bag = {"rosbag2": {"sensors": ("heat",)}}
     told = tf.record(world, tmp_path, end=2.0, formats=bag).losses
+    both = open_recording(tmp_path).sensor("both")
+    assert [both.file(n).read_bytes() for n in range(4)] == [bytes([n]) for n in range(4)]
     heat = open_recording(tmp_path).sensor("heat")
     assert (heat.key, len(heat.stamps)) == ("heat0", 4)
     assert [heat.file(n, "fan").read_text() for n in range(4)] == [f"{n}\n" for n in range(4)]

@@ -152,6 +152,16 @@ def test_eyes_roll_together(setting):
     assert outside > 500
 
 
+def test_eyes_that_see_the_sky_alone_miss_nothing(setting):
+    sky = {**_MAST, "rpy_deg": (0.0, -60.0, 0.0)}
+    for rolls in (0.0, 0.02):
+        sensor = StereoSensor(
+            name="pair", channels=("disparity",), baseline_m=0.2, rolling_shutter_s=rolls, **sky
+        )
+        files = StereoFrames(sensor, setting).eyes[0].measure(_NUMBER)
+        assert not _image(files["occlusion"]).any()
+
+
 def test_flow_leads_to_the_same_place_in_the_next_picture(setting):
     sensor = CameraSensor(
         name="eye", channels=("depth", "flow", "class"), depth_factor=None, rate_hz=2.0,

@@ -288,7 +288,7 @@ def test_a_grid_has_no_paths(tmp_path: Path) -> None:
         plain["paths"] = [{"name": "way", "route": {"points_m": points}, "speed_m_s": 0.2}]
         plain["validate"] = {"drive": "way"}
         plain["dataset"] = {"path": "way"}
-        plain["exports"] = {"mjcf": {"pebbles_min_m": 0.1}}
+        plain["exports"] = {"usd": {"pebbles_min_m": 0.1}}
         plain["terrain"]["layers"][0]["mask"] = {"route": {"path": "way", "beyond_m": 1}}
         plain["worlds"]["vary"] = {"paths.way.speed_m_s": {"uniform": [0.1, 0.2]}}
 
