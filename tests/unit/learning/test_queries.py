@@ -275,11 +275,11 @@ class Watched:
 @pytest.mark.parametrize(
     ("mask", "vary"),
     [
-        ({"route": {"within_m": 1.0}, "height": {"above_m": -5}}, {"mask.height.above_m": [-9, -8]}),
+        ({"route": {"within_m": 1}, "height": {"above_m": -5}}, {"mask.height.above_m": [-9, -8]}),
         ({"route": {"beyond_m": 1.0}}, {"mask.invert": None}),
         ({"route": {"beyond_m": 1.0}}, {"mask": None}),
     ],
-)  # fmt: skip
+)
 def test_what_is_drawn_of_masks_by_paths_is_as_far_from_any(mask, vary):
     plain = json.loads(recipe_json(tf.load_recipe(ROOT / "recipes" / "hello.yaml").recipe))
     plain["terrain"]["layers"] = [{"kind": "fractal", "mask": mask}]
