@@ -240,7 +240,8 @@ def cut(
         out: Output folder; an older world of ours is replaced when the new one is whole.
         centre: The part's middle, east and north [m].
         size: Its size, east and north [m].
-        only: Formats to write; by default those of the site's recipe.
+        only: Formats to write: folders of the site's recipe, with their options, or else exporters,
+            with defaults; by default those of the recipe.
         force: Whether files may be removed that lie in the older world and are not its own.
         progress: Called with each stage as it begins, and how far it is; True shows them.
 
@@ -251,12 +252,14 @@ def cut(
     out, place = resolved(out), resolved(site)
     if out.is_relative_to(place):
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
-    exports = (only,) if isinstance(only, str) else only
-    if exports is not None:
-        export_orders(replace(tiling.load_order(place).site.recipe, exports=exports))
+    if only is not None:
+        building.chosen_exports(tiling.load_order(place).site.recipe, only)
     building.require_ours(out, force=force)
     with watched(progress, STAGES) as watch:
         world = tiling.cut_world(place, centre=centre, size=size, watch=watch)
+        planned = building.planned_exports(world.site.recipe)
+        names = planned if only is None else (only,) if isinstance(only, str) else only
+        exports = {name: planned.get(name, {}) for name in names}
         return write_world(world, out, exports=exports, force=force, progress=watch)
 
 

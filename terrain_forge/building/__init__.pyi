@@ -21,6 +21,7 @@ from .manifest import lists_outputs as lists_outputs
 from .manifest import read_manifest as read_manifest
 from .manifest import write_manifest as write_manifest
 from .re_export import chosen_exports as chosen_exports
+from .re_export import planned_exports as planned_exports
 from .re_export import re_export_orders as re_export_orders
 from .re_export import require_readable_recipe as require_readable_recipe
 from .refusals import require_apart as require_apart

@@ -24,7 +24,7 @@ def chosen_exports(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[
         return export_orders(recipe)
     if not only:
         raise OutputError("--only names no format")
-    only, planned = (only,) if isinstance(only, str) else only, _planned(recipe)
+    only, planned = (only,) if isinstance(only, str) else only, planned_exports(recipe)
     try:
         return export_orders(
             replace(recipe, exports={name: planned.get(name, {}) for name in only})
@@ -35,7 +35,7 @@ def chosen_exports(recipe: Recipe, only: tuple[str, ...] | str | None) -> tuple[
         raise
 
 
-def _planned(recipe: Recipe) -> dict[str, Any]:
+def planned_exports(recipe: Recipe) -> dict[str, Any]:
     """The recipe's exports by folder, with their options."""
     exports = recipe.exports
     return exports if isinstance(exports, dict) else {name: {} for name in exports}

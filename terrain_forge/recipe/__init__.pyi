@@ -25,6 +25,7 @@ from .limits import require_window_fits as require_window_fits
 from .limits import rocks_of as rocks_of
 from .limits import tile_cells as tile_cells
 from .pathless import OF_PATHS as OF_PATHS
+from .pathless import away_from_paths as away_from_paths
 from .pathless import without_paths as without_paths
 from .renames import RENAMES as RENAMES
 from .renames import current_json as current_json

@@ -11,6 +11,7 @@ from terrain_forge.terrain import HeightBand, Mask
 
 OF_PATHS = ("paths", "validate", "dataset")
 """Parts of a recipe that are of its paths, or of what is done along them."""
+_NEAR = (*NEAR_PATHS, "pebbles_within_m")
 _NOWHERE = HeightBand(above_m=FARTHEST)
 
 
@@ -20,25 +21,24 @@ def without_paths(recipe: Recipe) -> Recipe:
     Masks by the distance to a path are as they are far away from any; what exports have near paths
     is left out. `worlds` stays as it is: its keys may be of paths.
     """
-    terrain, exports = recipe.terrain, recipe.exports
+    terrain = recipe.terrain
     terrain = replace(
         terrain,
         layers=tuple(replace(one, mask=_far(one.mask)) for one in terrain.layers),
         materials=tuple(replace(one, mask=_far(one.mask)) for one in terrain.materials),
     )
-    if isinstance(exports, dict):
-        exports = {
-            folder: {key: value for key, value in options.items() if key not in NEAR_PATHS}
-            for folder, options in exports.items()
-        }
-    return replace(
-        recipe,
-        paths=(),
-        terrain=terrain,
-        exports=exports,
-        validate=None,
-        dataset=None,
-    )
+    return replace(away_from_paths(recipe), paths=(), terrain=terrain, validate=None, dataset=None)
+
+
+def away_from_paths(recipe: Recipe) -> Recipe:
+    """The recipe whose exports have nothing of what lies near paths alone."""
+    if not isinstance(recipe.exports, dict):
+        return recipe
+    exports = {
+        folder: {key: value for key, value in options.items() if key not in _NEAR}
+        for folder, options in recipe.exports.items()
+    }
+    return replace(recipe, exports=exports)
 
 
 def _far(mask: Mask | None) -> Mask | None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, ExportError, checked, mix, stage_key
+from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
 from terrain_forge.model import USUAL_CELLS, RockField, Site, TiledSite, World, merge, owned
 from terrain_forge.rocks.near_paths import path_distance, path_points
 
@@ -79,7 +79,7 @@ def tile_pebbles(
 
 
 @checked
-def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World:
+def with_pebbles(world: World, *, smallest: Positive, within: Positive = 2.0) -> World:
     """The world as pictures and sensors near its paths see it: with pebbles among its rocks.
 
     They are visual-only rocks of the population with the smallest ones.
@@ -90,6 +90,7 @@ def with_pebbles(world: World, *, smallest: float, within: float = 2.0) -> World
         within: How far from a path they lie, at most [m].
 
     Raises:
+        DataError: for lengths that are none.
         ExportError: if no law tells their number, or if there would be too many.
     """
     pebbles = path_pebbles(world, smallest=smallest, within=within)

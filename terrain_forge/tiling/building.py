@@ -20,6 +20,7 @@ from terrain_forge.base import (
     size_text,
     storing,
     telling_interrupts,
+    warn_user,
 )
 from terrain_forge.building import BuildResult, holding
 from terrain_forge.recipe import sha256
@@ -33,6 +34,7 @@ from terrain_forge.tiling.page import write_page
 from terrain_forge.tiling.picture import PICTURE
 from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
+from terrain_forge.validation import UNPLACED_LIMIT
 
 _log = logging.getLogger(__name__)
 _MOST_FAILURES = 16
@@ -143,6 +145,7 @@ def build_tiles(
             driven = order.site.recipe.validate and order.site.recipe.validate.drive_spec
             passed = not driven or drive_far(order, paths, driven, watch)
             joined = join(order, paths, watch)
+            _warn_of_unplaced(joined["verification"], joined["manifest"]["tiles"]["rocks"])
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
             joined["manifest"]["outputs"][PICTURE] = sha256(out / PICTURE)
@@ -162,6 +165,17 @@ def build_tiles(
         tiles=len(order.grid),
         made=pace.made,
     )
+
+
+def _warn_of_unplaced(verification: dict[str, Any], placed: int) -> None:
+    """Tell of rocks without a free place, where a single world would fail its check of them."""
+    unplaced = sum(one["unplaced"] for one in verification["populations"])
+    if unplaced > max(UNPLACED_LIMIT * (unplaced + placed), 1.0):
+        warn_user(
+            f"up to {unplaced:,} rocks found no free place, beside {placed:,} that did (those at "
+            "borders of tiles count more than once): truth/size_frequency.json has them by "
+            "population; fewer, smaller or otherwise arranged ones do"
+        )
 
 
 def _made(

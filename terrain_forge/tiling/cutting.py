@@ -8,7 +8,7 @@ from pathlib import Path
 from terrain_forge.base import OutputError, Stopwatch
 from terrain_forge.making import make_world
 from terrain_forge.model import Site, Window, World
-from terrain_forge.recipe import recipe_json, require_window_fits
+from terrain_forge.recipe import away_from_paths, recipe_json, require_window_fits
 from terrain_forge.tiling.order import load_order
 from terrain_forge.tiling.routing import load_routes
 
@@ -19,7 +19,8 @@ def cut_world(
     """The world of a rectangle [m] of a site in tiles, to whole cells; the same bits as its tiles.
 
     Planned paths that lie wholly in it are those of the site, once it is built. A drive that the
-    recipe asks for is not asked of a part that does not hold its path.
+    recipe asks for is not asked of a part that does not hold its path, nor what exports have near
+    paths of one that holds none.
 
     Raises:
         OutputError: if the folder holds no site in tiles, or the rectangle is not in it.
@@ -29,11 +30,15 @@ def cut_world(
     window = window_of(site, centre, size)
     require_window_fits(site, window)
     world = make_world(site, window, settled=True, progress=watch, planned=load_routes(out) or ())
-    recipe = site.recipe
-    if recipe.driven_path in {None, *(path.name for path in world.trajectories)}:
+    whole = recipe = site.recipe
+    if recipe.validate and recipe.driven_path not in {
+        None, *(path.name for path in world.trajectories)
+    }:  # fmt: skip
+        recipe = replace(recipe, validate=replace(recipe.validate, drive=None))
+    if not world.trajectories:
+        recipe = away_from_paths(recipe)
+    if recipe == whole:
         return world
-    assert recipe.validate is not None
-    recipe = replace(recipe, validate=replace(recipe.validate, drive=None))
     return world.replace(site=site.replace(recipe_json=recipe_json(recipe)))
 
 

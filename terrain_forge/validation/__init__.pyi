@@ -3,6 +3,7 @@
 from .checks.drives import drive_checks as drive_checks
 from .checks.drives import drive_json as drive_json
 from .checks.dynamic import MOST_WATCHED as MOST_WATCHED
+from .checks.rocks import UNPLACED_LIMIT as UNPLACED_LIMIT
 from .consumer import Consumer as Consumer
 from .consumer import NotRun as NotRun
 from .consumer import python_with as python_with

@@ -14,6 +14,7 @@ import terrain_forge as tf
 from terrain_forge import pipeline
 from terrain_forge.base import OutputError
 from tests.helpers import command_line as command
+from tests.unit.tiling.conftest import write_recipe
 
 
 @pytest.fixture
@@ -238,3 +239,34 @@ def test_the_map_is_whole(built):
     page = (built / "report.html").read_text()
     assert 'src="map.png"' in page
     assert "6 tiles" in page
+
+
+def test_a_part_without_a_path_has_no_pebbles(tmp_path):
+    """The recipe's options hold for a part, also where its format is named."""
+    text = "exports: {usd: {pebbles_min_m: 0.1, collider_min_m: 0.3}}\n"
+    text += "paths: [{name: p, speed_m_s: 0.5, route: {kind: spline, "
+    text += "points_m: [[-20, -10], [20, 12]]}}]"
+    path = write_recipe(tmp_path, exports="", **{"exports: []": text})
+    site = tmp_path / "site"
+    tf.build(tf.load_recipe(path).recipe, site, workers=0)
+    for name, only in (("all", None), ("named", "usd")):
+        done = tf.cut(site, tmp_path / name, centre=(0.0, 0.0), size=(12.0, 10.0), only=only)
+        assert not done.world.trajectories
+        assert done.exports[0].options["collider_min_m"] == 0.3
+        assert not (tmp_path / name / "usd/assets/pebbles.usdc").exists()
+
+
+def test_rocks_without_a_free_place_are_told(tmp_path):
+    rows = [f"{x},{y},2.1" for x in np.arange(-7.5, 8, 2.5) for y in np.arange(-7.5, 8, 2.5)]
+    (tmp_path / "list.csv").write_text("\n".join(["x_m,y_m,diameter_m", *rows]))
+    path = write_recipe(
+        tmp_path,
+        exports="geotiff",
+        **{
+            "size_m: [50, 40]": "size_m: [20, 20]",
+            "k: 0.08": "k: 0.3",
+            "  populations:": "  lists: [{name: large, file: list.csv}]\n  populations:",
+        },
+    )
+    with pytest.warns(tf.RecipeWarning, match="rocks found no free place, beside"):
+        tf.build(path, tmp_path / "site", workers=0)
