@@ -49,12 +49,13 @@ def collision_parts(
         name: What the rock is called where no decomposition is so close, which is refused.
     """
     tried: list[CollisionShape] = []
-    for attempt in (None, *ATTEMPTS):
+    tasks = [(_own_level(meshes, level), concavity) for level, concavity in ATTEMPTS]
+    for attempt in (None, *dict.fromkeys(tasks)):
         if attempt is None:
             parts: tuple[Mesh, ...] = (collision_hull(meshes[0], vertices=vertices),)
         else:
-            mesh = meshes[min(attempt[0], len(meshes) - 1)]
-            parts = _decompose(mesh, vertices=vertices, concavity=attempt[1])
+            level, concavity = attempt
+            parts = _decompose(meshes[level], vertices=vertices, concavity=concavity)
         tried.append(certify(parts, meshes[0]))
         if tried[-1].excess <= excess and tried[-1].distance <= distance:
             return tried[-1]
@@ -64,6 +65,16 @@ def collision_parts(
         f"{excess:g}) and {best.distance:.3f} mean axes of distance (wanted {distance:g}): "
         "raise hull_excess or hull_distance",
         key=("rocks", "library"),
+    )
+
+
+def _own_level(meshes: tuple[Mesh, ...], level: int) -> int:
+    """The first level that is the same mesh: one of few faces need not be cut up twice alike."""
+    mesh = meshes[min(level, len(meshes) - 1)]
+    return next(
+        number
+        for number, one in enumerate(meshes)
+        if np.array_equal(one.faces, mesh.faces) and np.array_equal(one.vertices, mesh.vertices)
     )
 
 

@@ -1,5 +1,6 @@
 """Collision parts and their errors against closed forms and trimesh."""
 
+import coacd
 import numpy as np
 import pytest
 import trimesh
@@ -128,3 +129,20 @@ def test_simplifying_keeps_a_box_and_a_torus():
     assert body.is_watertight
     assert body.euler_number == 0
     assert body.volume == pytest.approx(torus.volume, rel=0.05)
+
+
+def test_a_mesh_is_not_cut_up_twice_alike(monkeypatch):
+    """Levels of detail of few faces may be one mesh."""
+    calls, real = [], coacd.run_coacd
+
+    def counted(*given, **how):
+        calls.append(how["threshold"])
+        return real(*given, **how)
+
+    monkeypatch.setattr(coacd, "run_coacd", counted)
+    monkeypatch.setattr(
+        "terrain_forge.rocks.shapes.collision.ATTEMPTS", ((1, 0.5), (0, 0.5), (0, 0.4))
+    )
+    with pytest.raises(RecipeError, match="convex parts"):
+        collision_parts((bowl(), bowl()), vertices=16, excess=1e-4, distance=1e-4, name="bowl")
+    assert calls == [0.5, 0.4]
