@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, DataError, portable, require_file
+from terrain_forge.base import Array, DataError, portable, reading, require_file
 from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.misnamed import remedy
 from terrain_forge.dtm.projection import (
@@ -281,7 +281,7 @@ def open_dataset(path: Path) -> Any:
 
     Raises:
         RasterioError: if it is no raster of `DRIVERS`.
-        DataError: if it names a file elsewhere, or is HDF5, which may.
+        DataError: if it names a file elsewhere, or is HDF5, which may, or cannot be read.
     """
     import rasterio
 
@@ -300,9 +300,9 @@ def _drivers_of(path: Path) -> list[str]:
     """The drivers that may open a file.
 
     Raises:
-        DataError: if it is HDF5.
+        DataError: if it is HDF5, or cannot be read.
     """
-    with path.open("rb") as file:
+    with path.open("rb") as file, reading(path.name):
         begin = file.read(len(_HDF5))
     if begin == _HDF5:
         raise DataError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import scipy.io
 from PIL import Image
 
 from terrain_forge.base import DataError
-from terrain_forge.dtm import read_image
+from terrain_forge.dtm import open_dataset, read_image
 from tests.helpers.command_line import run
 
 
@@ -211,3 +212,10 @@ def test_classic_netcdf_is_read(tmp_path):
             file.createVariable(name, "f8", (name,))[:] = np.arange(8.0)
         file.createVariable("z", "f4", ("y", "x"))[:] = 7.0
     assert (read_image("dem.nc", tmp_path, ("terrain",)) == 7.0).all()
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="there is no such file here")
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    (tmp_path / "dem.tif").symlink_to("/proc/self/mem")
+    with pytest.raises(DataError, match=r"^dem\.tif cannot be read: .*Input/output"):
+        open_dataset(tmp_path / "dem.tif")
