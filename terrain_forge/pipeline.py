@@ -252,7 +252,7 @@ def cut(
     out, place = resolved(out), resolved(site)
     if out.is_relative_to(place):
         raise OutputError(f"{out} lies in the site: choose another folder with -o")
-    if only is not None:
+    if only:
         building.chosen_exports(tiling.load_order(place).site.recipe, only)
     building.require_ours(out, force=force)
     with watched(progress, STAGES) as watch:
