@@ -177,9 +177,7 @@ def _box(vertices: NDArray[Any]) -> Box:
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Refuse pebbles that the recipe cannot have; tiles share nothing."""
     del directory
-    if options.pebbles_min_m > 0.0:
-        smallest, within = options.pebbles_min_m, options.pebbles_within_m
-        require_pebbles(world.site, smallest=smallest, within=within)
+    require_pebbles(world.site, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
@@ -207,8 +205,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     ]
     if shown:
         losses.append(f"It is in {HORIZON}, in the tileset's frame; viewers frame all of that.")
-    if options.pebbles_min_m > 0.0:
-        count = _write_pebbles(tiled, directory, options)
+    if count := _write_pebbles(tiled, directory, options):
         losses.append(
             f"{pebbles_loss(count, options.pebbles_within_m)} They are in files beside the tileset."
         )

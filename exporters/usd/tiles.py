@@ -173,9 +173,7 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
 
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
-    if options.pebbles_min_m > 0.0:
-        smallest, within = options.pebbles_min_m, options.pebbles_within_m
-        require_pebbles(world.site, smallest=smallest, within=within)
+    require_pebbles(world.site, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
     assets = directory / "assets"
     assets.mkdir(exist_ok=True)
     shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())
@@ -218,8 +216,6 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
 
 def _write_pebbles(tiled: TiledSite, assets: Path, options: Options) -> dict[str, int]:
     """Write a layer for the pebbles of each tile; how many each has."""
-    if options.pebbles_min_m == 0.0:
-        return {}
     found = {}
     smallest, within = options.pebbles_min_m, options.pebbles_within_m
     for name, world, pebbles in tile_pebbles(tiled, smallest=smallest, within=within):

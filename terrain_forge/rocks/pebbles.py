@@ -68,10 +68,12 @@ def tile_pebbles(
 ) -> Iterator[tuple[str, World, RockField]]:
     """The pebbles of a site in tiles, tile by tile, as `path_pebbles` has them.
 
+    A `smallest` of 0 asks for none.
+
     Returns:
         A name for those of a tile, its world, and the pebbles, which lie in no other tile.
     """
-    for tile, world in tiled.near_paths(within):
+    for tile, world in tiled.near_paths(within) if smallest > 0.0 else ():
         laid = path_pebbles(world, smallest=smallest, within=within)
         own = laid.select(owned(laid, world.ground, tiled.site.bounds))
         if len(own):
@@ -100,12 +102,14 @@ def with_pebbles(world: World, *, smallest: Positive, within: Positive = 2.0) ->
 def require_pebbles(site: Site, *, smallest: float, within: float) -> None:
     """Refuse pebbles that a site in tiles cannot have, before a tile is made.
 
-    A path that winds in a tile may have too many yet.
+    A `smallest` of 0 asks for none. A path that winds in a tile may have too many yet.
 
     Raises:
         ExportError: if no law tells their number, there is no path, or would be too many along one
             that goes straight through a tile.
     """
+    if smallest == 0.0:
+        return
     law, largest = _law(site, smallest, paths=bool(site.recipe.paths))
     tiles = site.recipe.tiles
     side = tiles.size_m if tiles and tiles.size_m else USUAL_CELLS * site.spacing
