@@ -184,7 +184,7 @@ def _without_noise(
         f"{floor.correlation:.2g} posts: filtered; waves up to {floor.longest:.2g} posts, which it "
         "hides, are drawn as the longer ones tell"
     )
-    heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"))
+    heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"), measured)
     repairs = (*patch.repairs, told)
     hidden = floor.longest * patch.posting
     denoised_patch = patch.replace(

@@ -75,6 +75,22 @@ def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, windo
     assert np.std(found - truth) < deviation
 
 
+@pytest.mark.parametrize(("deviation", "window"), [(0.1, 0.0), (0.1, 3), (0.2, 0.0)])
+def test_smooth_ground_beside_rough_stays_smooth(deviation, window):
+    whole = clean()
+    across = np.linspace(0.0, 1.0, whole.shape[1])
+    factor = 0.25 + 0.75 * np.clip((across - 0.35) / 0.3, 0.0, 1.0)
+    truth = whole.mean() + (whole - whole.mean()) * factor
+    noisy = truth + matcher_noise(truth.shape, deviation, window)
+    floor = find_noise(noisy, 2.0, everywhere(noisy)).floor
+    found = denoised(noisy, floor, stage_key(1, "noise"))
+    third = whole.shape[1] // 3
+    for part in (np.s_[:, :third], np.s_[:, -third:]):
+        for lag in LAGS:  # the smooth part was 1.4 to 2.1 times too rough
+            rough = rms_deviation(found[part], lag) / rms_deviation(truth[part], lag)
+            assert rough == pytest.approx(1.0, abs=0.3)
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 @pytest.mark.parametrize("deviation", [0.7, 1.0])
 def test_noise_over_two_posts_is_found_on_a_real_dtm(deviation):
@@ -161,21 +177,23 @@ def test_points_of_clean_ground_are_not_taken_for_white_noise():
         assert find_noise(points, float(factor), everywhere(points)).floor is None
 
 
-def test_ground_of_a_noisy_dtm_is_as_rough_as_that_of_the_clean_one():
+# A square window hides more of what would tell the exponent.
+@pytest.mark.parametrize(("window", "off_by"), [(1.2, 0.15), (3, 0.2)])
+def test_ground_of_a_noisy_dtm_is_as_rough_as_that_of_the_clean_one(window, off_by):
     truth = clean()
-    noisy = truth + matcher_noise(truth.shape, 0.3, 3)
+    noisy = truth + matcher_noise(truth.shape, 0.3, window)
     grounds = []
     for heights in (truth, noisy):
         site = planned(heights, 2.0)
         grounds.append(shape_ground(site=site, window=site.window, layers=(Fractal(),)).elevation)
     for lag in (1, 2, 4, 8):
         ours, theirs = (rms_deviation(ground.astype(float), lag) for ground in grounds[::-1])
-        assert ours == pytest.approx(theirs, rel=0.15)
+        assert ours == pytest.approx(theirs, rel=off_by)
     told = terrain_statistics(
         site=site, ground=shape_ground(site=site, window=site.window, layers=())
     ).as_json()["dtm_state"]
     assert told["noise_m"] == pytest.approx(0.3, rel=0.15)
-    assert "noise of 3" in told["warnings"][0]
+    assert f"noise of {100.0 * told['noise_m']:.2g} cm RMS" in told["warnings"][0]
     assert any("drawn as the longer ones tell" in repair for repair in told["repairs"])
     # A window is the cut, since the DTM is filtered once.
     window = Window(column=31, row=50, columns=40, rows=30)
