@@ -15,6 +15,7 @@ from terrain_forge.dtm import (
     at_hand,
     describe,
     ellipsoid,
+    followed_to,
     open_raster,
     site_facts,
     still_to_fetch,
@@ -157,11 +158,11 @@ def _horizon(site: Site) -> str:
     spec = site.recipe.horizon
     if spec.reach_m == 0.0:
         return "none: the world ends at its border"
-    known = [(level.reach, level.source) for level in site.surroundings]
+    known = followed_to(site)
     if not known:
         told = "no heights were read beyond the site: level ground"
     else:
-        sources = ", ".join(dict.fromkeys(source for _, source in known))
-        told = f"heights read out to {max(known)[0] / 1e3:.3g} km ({sources})"
+        sources = ", ".join(dict.fromkeys(level.source for level in site.surroundings))
+        told = f"heights read out to {known / 1e3:.2g} km ({sources})"
     rocks = f"; rocks within {spec.rocks_m:g} m" if spec.rocks_m else ""
     return f"{told}{rocks}; 1 to 6 MB in each format that takes it"

@@ -7,6 +7,7 @@ from .description import describe as describe
 from .description import site_facts as site_facts
 from .description import site_warnings as site_warnings
 from .far import far_heights as far_heights
+from .far import followed_to as followed_to
 from .fetching import at_hand as at_hand
 from .fetching import fetch_product as fetch_product
 from .fetching import origin as origin

@@ -30,6 +30,8 @@ _MOST = 2**24
 """Samples that may have to be decoded for a window."""
 _EDGE = 8.0
 """Samples over which a window fades into the next one."""
+_DISTANCES = 33
+"""Distances from a border at which it is looked whether heights go on."""
 _SIDE = np.linspace(-1.0, 1.0, 65)
 _AROUND = np.stack(
     [np.concatenate([_SIDE, _SIDE, 0.0 * _SIDE - 1.0, 0.0 * _SIDE + 1.0]),
@@ -282,6 +284,20 @@ def far_heights(site: Site, east: Array, north: Array) -> tuple[Array, Array]:
     for level in site.surroundings:
         follow(level, level.heights, level.weight, level.reach)
     return height / np.where(weight > 0.0, weight, 1.0), weight
+
+
+def followed_to(site: Site) -> float:
+    """How far from a site's border heights are told for the most part of the way round [m]."""
+    reach = max((level.reach for level in site.surroundings), default=0.0)
+    if reach <= 1.0:
+        return 0.0
+    east, north = 0.5 * site.size[0], 0.5 * site.size[1]
+    told = 0.0
+    for away in portable.geomspace(1.0, reach, _DISTANCES).tolist():
+        around = ((east + away) * _AROUND[0], (north + away) * _AROUND[1])
+        if np.mean(far_heights(site, *around)[1] > 0.99) > 0.5:
+            told = away
+    return told
 
 
 def _between(values: NDArray[Any], column: Array, row: Array) -> Array:

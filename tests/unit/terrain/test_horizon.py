@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from terrain_forge.base import DataError, RecipeError
-from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm
+from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm, followed_to
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import World
 from terrain_forge.recipe import Recipe, TerrainSpec
@@ -93,6 +93,7 @@ def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hill
     assert np.abs(found - wanted)[near].max() < 0.3
     assert np.abs(found - wanted).max() < 4.0  # the rings are 10 % apart, the hills 20 m high
     assert 3500.0 < horizon.followed < 4020.0
+    assert followed_to(site) == pytest.approx(horizon.followed, rel=0.15), "what `check` tells"
     assert "level" in horizon.told
 
 
