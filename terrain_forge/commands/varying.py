@@ -100,7 +100,11 @@ def make_worlds(
         f"{out}: {there:,} world{'s' * (there != 1)}, {result.made:,} made now, "
         f"{rate:.1f} a second{more}"
     )
-    arrive = [read_summary(one)["measured"].get("arrive") for one in result.folders]
+    measured = [read_summary(one)["measured"] for one in result.folders]
+    lost = [one["unplaced"] for one in measured if one.get("unplaced")]
+    if lost:
+        say(f"  rocks        {sum(lost):,} found no free place, in {len(lost):,} of the worlds")
+    arrive = [one.get("arrive") for one in measured]
     if known := [one for one in arrive if one is not None]:
         # Each has as many starts.
         mean, low, high = sum(known) / len(known), min(known), max(known)

@@ -310,6 +310,7 @@ def summary_of(drawn: Drawn, world: World, spec: ArrivalSpec) -> dict[str, Any]:
     own = world.field.diameter
     measured: dict[str, Any] = {
         "rocks": len(own),
+        "unplaced": sum(world.unplaced),
         "rock_cover": round(float((0.25 * np.pi * own * own).sum()) / area, 6),
         "slope_deg": round(_median_slope(world), 3),
     }

@@ -487,6 +487,20 @@ def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path) ->
     assert contents(out) == contents(made)
 
 
+def test_rocks_without_a_place_are_told(made: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(made, out)
+    assert all(read_summary(out / name_of(n))["measured"]["unplaced"] == 0 for n in range(4))
+    assert "found no free place" not in run("worlds", recipe(tmp_path), "-o", out).stdout
+    for number, lost in ((1, 2), (3, 1998)):
+        summary = read_summary(out / name_of(number))
+        summary["measured"]["unplaced"] = lost
+        (out / name_of(number) / "drawn.json").write_text(json.dumps(summary))
+    told = run("worlds", recipe(tmp_path), "-o", out).stdout
+    assert "rocks        2,000 found no free place, in 2 of the worlds" in told
+    assert "unplaced" in (out / "worlds.csv").read_text()
+
+
 def test_the_command_tells_what_it_made_and_what_is_wrong(made: Path, tmp_path: Path) -> None:
     path = recipe(tmp_path)
     done = run("worlds", path, "-o", made, "--workers", 0)
