@@ -22,6 +22,8 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
         f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, {len(rover.wheels)} wheels of "
         f"{_radii(rover)} m driven{held}, step limit {highest_step(rover):.2g} m"
     )
+    for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
+        yield f"  {'note':<12} {note}"
     if max(rover.wheel_radii) > LARGEST_RADIUS:
         yield (
             f"{_WARNING} wheels of {_radii(rover)} m: are the lengths of the rover's file in "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -13,6 +15,8 @@ from terrain_forge.model import Coupling, Shape
 TURNING = ("revolute", "continuous")
 """Kinds of joints that turn about an axis."""
 
+
+_KIND = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 
 Solid = tuple[Array, Shape]
 """Placement in a body's frame, shape [4, 4], of a shape whose own position means nothing."""
@@ -76,6 +80,17 @@ class Assembly:
     """Parents before children; the first is the root."""
     gears: tuple[Coupling, ...]
     """Joints that follow others; by the names of joints, where a rover's are by those of links."""
+    sensors: tuple[str, ...] = ()
+    """The kinds of sensors that the file has, which are not read."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the file is not read, a sentence each."""
+        if not self.sensors:
+            return ()
+        kinds = Counter(kind if _KIND.fullmatch(kind) else "other" for kind in self.sensors)
+        told = ", ".join(f"{number} {kind}" for kind, number in sorted(kinds.items()))
+        return (f"Sensors of its file are not read, the recipe's `sensors` add some: {told}.",)
 
 
 def placed(position: Array, rotation: Array) -> Array:

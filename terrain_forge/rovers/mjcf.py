@@ -19,6 +19,15 @@ from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
 from terrain_forge.rovers.mjcf_files import check_mjcf
 from terrain_forge.rovers.packages import Packages
 
+_INSTRUMENTS = {
+    int(kind): name
+    for kind, name in (
+        (mujoco.mjtSensor.mjSENS_ACCELEROMETER, "accelerometer"),
+        (mujoco.mjtSensor.mjSENS_GYRO, "gyro"),
+        (mujoco.mjtSensor.mjSENS_MAGNETOMETER, "magnetometer"),
+        (mujoco.mjtSensor.mjSENS_RANGEFINDER, "rangefinder"),
+    )
+}
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
 
@@ -61,7 +70,15 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
             for n in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT).tolist()
             if model.eq_obj2id[n] >= 0
         ),
+        sensors=_sensors(model, root),
     ), files
+
+
+def _sensors(model: Any, root: int) -> tuple[str, ...]:
+    """Kinds of the cameras on a tree, and of the instruments that a model has."""
+    cameras = int(np.count_nonzero(model.body_rootid[model.cam_bodyid] == root))
+    types = (_INSTRUMENTS.get(int(kind)) for kind in model.sensor_type)
+    return ("camera",) * cameras + tuple(kind for kind in types if kind)
 
 
 def _require_sane(model: Any, name: str) -> None:

@@ -78,7 +78,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         couplings=machine.couplings(passive),
         held=tuple(held),
         steering=tuple(name for name in held if name in steering),
-        notes=tuple(notes),
+        notes=(*notes, *assembly.notes),
     )
 
 

@@ -64,7 +64,10 @@ def read_urdf(robot: Element, file: Path, packages: Packages) -> tuple[Assembly,
     ]
     name = bounds.check_name(robot.get("name") or file.stem, "robot")
     gears = tuple(gear for joint in joints.values() for gear in _gears(joint))
-    return Assembly(name=name, bodies=tuple(bodies), gears=gears), list(meshes.read)
+    # Gazebo's are below <gazebo>, those of the older proposal to URDF at the top.
+    sensors = tuple(sensor.get("type", "other") for sensor in robot.iter("sensor"))
+    assembly = Assembly(name=name, bodies=tuple(bodies), gears=gears, sensors=sensors)
+    return assembly, list(meshes.read)
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,20 @@ def test_a_rover_of_a_file_with_steering_that_is_held(tub):
     )
 
 
+def test_sensors_of_its_file_are_said_not_to_be_read(tub, tmp_path):
+    sensors = "".join(
+        f"<gazebo reference='base'><sensor name='{n}' type='{kind}'/></gazebo>"
+        for n, kind in enumerate(("camera", "imu", "camera", "\x9b31m"))
+    )
+    file = tmp_path / "rover.urdf"
+    file.write_text(tub.read_text().replace("</robot>", f"{sensors}</robot>"), encoding="utf-8")
+    mine = FileRover(file=file.name, packages={"tub": str(tub.parents[1])})
+    lines = check(recipe(rover=mine), folder=tmp_path)
+    notes = [line.split(maxsplit=1)[1] for line in lines if line.startswith("  note")]
+    assert notes[0].startswith("Axes turned about")
+    assert notes[1].endswith("the recipe's `sensors` add some: 2 camera, 1 imu, 1 other.")
+
+
 def test_sizes_of_another_unit_and_beyond_the_site_are_warned_of(tub, tmp_path):
     file = rovers.caster_urdf(tmp_path, caster_m=0.02, chassis_m=0.05)
     told, warned = said(recipe(rover=FileRover(file=file.name, wheel_radius_m=40.0)), tmp_path)
