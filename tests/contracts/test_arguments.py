@@ -18,6 +18,8 @@ JUNK = (
 """What a caller may give by mistake, of several kinds."""
 OURS = [getattr(tf, name) for name in tf.__all__]
 FUNCTIONS = [one for one in OURS if inspect.isroutine(inspect.unwrap(one))]
+LONG = ("realise", "write_world")
+"""Those that work for a while before some junk is met."""
 
 
 @pytest.fixture
@@ -76,7 +78,14 @@ def try_junk(call, valid):
                 raise AssertionError(f"{call.__qualname__}: {one.name}={junk!r}") from error
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize(
+    "function",
+    [
+        pytest.param(one, marks=pytest.mark.slow) if one.__name__ in LONG else one
+        for one in FUNCTIONS
+    ],
+    ids=lambda one: one.__name__,
+)
 def test_functions_refuse_junk_in_a_line(function, valid):
     """No traceback of NumPy's or of ours, whatever a parameter is given."""
     try_junk(function, valid)

@@ -76,7 +76,9 @@ PERIODS = {
 """Rings, time from column to column [s], columns."""
 
 
-@pytest.mark.parametrize("kind", PERIODS)
+@pytest.mark.parametrize(
+    "kind", ["vlp-16", "even", pytest.param("snapshot", marks=pytest.mark.slow)]
+)
 def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
     rings, column_s, columns = PERIODS[kind]
     (tmp_path / "evalio").mkdir()

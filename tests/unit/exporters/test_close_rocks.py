@@ -122,6 +122,7 @@ def test_exports_draw_them_close(world, exported, name):
         assert found_in(folder) == near(world, within) & single if within else not found_in(folder)
 
 
+@pytest.mark.slow
 def test_the_library_holds_the_close_mesh(world, exported):
     stage = Usd.Stage.Open(str(exported("usd", 1.5) / "assets/rock_library.usdc"))
     for number in {*world.field.prototype[np.isin(world.field.id, [*near(world, 1.5)])].tolist()}:

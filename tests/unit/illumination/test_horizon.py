@@ -170,6 +170,7 @@ def test_shadows_and_hours_are_those_of_brute_force_rays(pole, tmp_path):
     assert np.mean(np.array(off) > 0.25) < 0.05
 
 
+@pytest.mark.slow
 def test_horizon_maps_serve_many_moments(pole, tmp_path):
     """With more moments than azimuths the horizon lies between those that were looked at."""
     file, _ = pole

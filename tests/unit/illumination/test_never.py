@@ -50,6 +50,7 @@ def hills():
     return 900.0 * z / z.std()
 
 
+@pytest.mark.slow
 def test_no_place_is_never_lit_that_a_later_sun_shines_on(hills, tmp_path):
     """A moment of winter seen in 8 azimuths must not contradict a whole year."""
     size = {"size": (80e3, 80e3), "spacing": 4000.0}

@@ -146,7 +146,16 @@ def test_generators_of_others_get_ground_and_origin():
     assert all(mesh.is_watertight for mesh in meshes[1:])
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "recipes").glob("*.yaml")))
+RECIPES = sorted(path.name for path in (ROOT / "recipes").glob("*.yaml"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name == "gale_short.yaml" else pytest.param(name, marks=pytest.mark.slow)
+        for name in RECIPES
+    ],
+)
 def test_every_recipe_of_ours_makes_ground_for_others(name):
     maker = learning.GroundMaker.of(tf.load_recipe(ROOT / "recipes" / name))
     world = maker.world(0.5, 0, size=(8.0, 8.0))

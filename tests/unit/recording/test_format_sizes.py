@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from functools import partial
 
 import pytest
 
@@ -48,13 +49,16 @@ _OTHERS = {
 }
 
 
+slow = partial(pytest.param, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
     ("more", "every"),
     [
-        ({}, _FORMATS),
-        ({"bits": 12}, _FORMATS),
-        ({"colour": True}, _FORMATS),
-        ({"depth_factor": None}, _FORMATS),
+        slow({}, _FORMATS),
+        slow({"bits": 12}, _FORMATS),
+        slow({"colour": True}, _FORMATS),
+        slow({"depth_factor": None}, _FORMATS),
         ({"images": ("raw", "rectified")}, _OTHERS),
         ({}, {"clouds": {"map": True}, "rosbag2": {"compression": "zstd"}}),
     ],

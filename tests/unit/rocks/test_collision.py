@@ -131,6 +131,7 @@ def test_simplifying_keeps_a_box_and_a_torus():
     assert body.volume == pytest.approx(torus.volume, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_mesh_is_not_cut_up_twice_alike(monkeypatch):
     """Levels of detail of few faces may be one mesh."""
     calls, real = [], coacd.run_coacd

@@ -27,7 +27,14 @@ def places(seed=5):
 
 
 @pytest.mark.parametrize(
-    ("pixel", "degrees"), [(0.03, 5.0), (0.01, 9.0), (0.005, 13.0), (0.002, 19.0), (0.001, 24.0)]
+    ("pixel", "degrees"),
+    [
+        pytest.param(0.03, 5.0, marks=pytest.mark.slow),
+        (0.01, 9.0),
+        (0.005, 13.0),
+        (0.002, 19.0),
+        (0.001, 24.0),
+    ],
 )
 def test_soil_is_as_rough_as_measured_with_crumbs_or_without(pixel, degrees):
     for share in (0.0, 0.6):

@@ -93,6 +93,7 @@ def test_depth_lies_on_the_ground(setting, more):
     assert np.array_equal(np.isinf(depth), classes == CLASSES.index("sky"))
 
 
+@pytest.mark.slow
 def test_any_picture_alone_is_that_of_the_whole(setting):
     sensor = StereoSensor(
         name="pair", channels=("depth", "instance", "flow", "disparity"), distortion=_BARREL,

@@ -37,6 +37,7 @@ def usd_horizon(site):
     return np.array(mesh.GetPointsAttr().Get(), np.float64)
 
 
+@pytest.mark.slow
 def test_it_is_that_of_one_world(horizon, whole, built):
     """But for heights rounded as the tiles' are, and colours that go by the strips alone."""
     alone = whole.horizon

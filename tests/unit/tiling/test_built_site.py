@@ -71,7 +71,13 @@ def test_a_manifest_of_another_recipe_is_damaged(copied):
     assert told == ["manifest.json is damaged (seed, recipe)"]
 
 
-@pytest.mark.parametrize("outputs", [None, 3, ["a"], {"a": 1}, {"../a": "0"}, {"/a": "0"}])
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        *(pytest.param(outputs, marks=pytest.mark.slow) for outputs in (None, 3, ["a"], {"a": 1})),
+        *({name: "0"} for name in ("../a", "/a")),
+    ],
+)
 def test_a_manifest_without_its_list_of_files_is_damaged(copied, recipe, outputs):
     path = copied / "manifest.json"
     whole = path.read_bytes()
@@ -241,6 +247,7 @@ def test_the_map_is_whole(built):
     assert "6 tiles" in page
 
 
+@pytest.mark.slow
 def test_a_part_without_a_path_has_no_pebbles(tmp_path):
     """The recipe's options hold for a part, also where its format is named."""
     text = "exports: {usd: {pebbles_min_m: 0.1, collider_min_m: 0.3}}\n"
@@ -256,6 +263,7 @@ def test_a_part_without_a_path_has_no_pebbles(tmp_path):
         assert not (tmp_path / name / "usd/assets/pebbles.usdc").exists()
 
 
+@pytest.mark.slow
 def test_rocks_without_a_free_place_are_told(tmp_path):
     rows = [f"{x},{y},2.1" for x in np.arange(-7.5, 8, 2.5) for y in np.arange(-7.5, 8, 2.5)]
     (tmp_path / "list.csv").write_text("\n".join(["x_m,y_m,diameter_m", *rows]))

@@ -49,6 +49,7 @@ def test_other_processes_make_the_same_bytes_and_leave_nothing(built, site, tmp_
     assert not list(there.iterdir())
 
 
+@pytest.mark.slow
 def test_a_tile_that_is_damaged_on_its_way_is_named_and_made_again(
     built, site, store, scheduler, tmp_path, monkeypatch
 ):

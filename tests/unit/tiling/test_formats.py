@@ -273,6 +273,7 @@ def test_what_tiles_do_not_draw_near_paths_is_told():
     assert untiled_losses(close=False) == []
 
 
+@pytest.mark.slow
 def test_pebbles_of_tiles_are_those_of_the_whole(tmp_path):
     """Each once, in the tile that it lies in; in GLB as in USD."""
     from pxr import Usd, UsdGeom
