@@ -12,7 +12,12 @@ Names are imported when they are first used, so that `import terrain_forge` is f
 listed in `__init__.pyi`.
 """
 
+import sys
+
 from lazy_loader import attach_stub
+
+if sys.platform == "win32":  # no flock, no process groups
+    raise ImportError("terrain-forge runs on Linux; on Windows install it in WSL 2")
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
 

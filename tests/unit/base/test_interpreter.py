@@ -71,3 +71,11 @@ def test_the_command_by_its_module_finds_its_own() -> None:
     command = [sys.executable, "-m", "terrain_forge", "check", "missing.yaml"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
+
+
+def test_windows_is_refused_in_a_line() -> None:
+    asked = "import sys; sys.platform = 'win32'; import terrain_forge"
+    words = [sys.executable, "-c", asked]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith("on Windows install it in WSL 2")
