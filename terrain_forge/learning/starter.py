@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 from hashlib import sha256
 from pathlib import Path
 from tempfile import gettempdir
@@ -18,7 +19,7 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal
-from terrain_forge.variation import worlds
+from terrain_forge.variation import ORDER, name_of, worlds
 
 COUNT = 8
 """Worlds that are made."""
@@ -51,4 +52,16 @@ def starter_worlds() -> Path:
     home = cache_folder() or Path(gettempdir()) / "terrain-forge"
     recipe = starter_recipe()
     wish = sha256(f"{__version__}\n{recipe_json(recipe)}".encode()).hexdigest()
-    return worlds(recipe, home / f"drive-{wish[:16]}").directory
+    out = home / f"drive-{wish[:16]}"
+    if not _are_whole(out):
+        home.mkdir(parents=True, exist_ok=True)
+        with (home / f"{out.name}.lock").open("ab") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # side by side, all but one wait for them
+            if not _are_whole(out):
+                worlds(recipe, out)
+    return out
+
+
+def _are_whole(out: Path) -> bool:
+    """Whether all worlds are there; each takes its name when it is whole."""
+    return (out / ORDER).is_file() and all((out / name_of(n)).is_dir() for n in range(COUNT))

@@ -9,7 +9,7 @@ import json
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -117,17 +117,44 @@ class GrouserSpec(Spec):
     radius: bars on hard ground jolt as they would on rock."""
 
 
+class _Dimensions(Spec):
+    """What a recipe may say about the lengths, masses and limits of a rover of our own."""
+
+    ROVER: ClassVar[str]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _dimensions_of, (self.ROVER, _values(self))
+
+
+def _values(spec: Any) -> dict[str, Any]:
+    return {one.name: getattr(spec, one.name) for one in fields(spec)}
+
+
+def _spec_of(rover: str, values: dict[str, Any]) -> BuiltInRover:
+    """Options of a rover that were pickled: their class is made by each process."""
+    return built_in_rovers()[rover](**values)
+
+
+def _dimensions_of(rover: str, values: dict[str, Any]) -> Any:
+    """Dimensions that were pickled."""
+    return built_in_rovers()[rover].DIMENSIONS(**values)
+
+
 @dataclass(frozen=True, kw_only=True)
 class BuiltInRover(RoverSpec):
     """What a recipe may say about a rover of our own."""
 
     FILE: ClassVar[Path]
     DESCRIPTION: ClassVar[Description]
+    DIMENSIONS: ClassVar[type[_Dimensions]]
 
     model: Literal["detailed", "simplified"] = "simplified"
     """How it looks; masses, inertias and what physics touches are the same."""
     grousers: GrouserSpec | None = None
     """Bars across the wheels' treads; without it they are smooth."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _spec_of, (self.FILE.stem, _values(self))
 
 
 @cache
@@ -159,11 +186,14 @@ def _spec_type(file: Path) -> type[BuiltInRover]:
     if told.dimensions:
         made = [(name, one.annotation(), one.default) for name, one in told.dimensions.items()]
         text = "Lengths, masses and limits"
-        kind = _make(f"{title}Dimensions", Spec, made, f"{text} of {file.stem}.")
+        kind = _make(f"{title}Dimensions", _Dimensions, made, f"{text} of {file.stem}.")
         dimensions = Annotated[kind, Field(description=f"{text}.")]  # type: ignore[valid-type]
         options.append(("dimensions", dimensions, field(default_factory=kind)))
+        kind.ROVER = file.stem
     spec: type[BuiltInRover] = _make(f"{title}Spec", BuiltInRover, options, told.text)
     spec.FILE, spec.DESCRIPTION = file, told
+    if told.dimensions:
+        spec.DIMENSIONS = kind
     return spec
 
 

@@ -16,6 +16,7 @@ from tests.helpers.driving_worlds import ID, make
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
+from terrain_forge.learning import starter  # noqa: E402
 from terrain_forge.learning.sight import DepthCamera, HeightScan  # noqa: E402
 
 
@@ -313,3 +314,18 @@ def test_the_goal_is_not_where_the_rover_is(made):
 def test_a_folder_without_worlds_is_told(tmp_path):
     with pytest.raises(tf.OutputError, match="holds no worlds"):
         gymnasium.make(ID, worlds=tmp_path)
+
+
+@pytest.mark.slow
+def test_worlds_to_begin_with_are_made_once_for_many_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    for _ in range(2):  # they make them, and find them
+        many = gymnasium.make_vec(ID, num_envs=3, vectorization_mode="async")
+        _, told = many.reset(seed=1)
+        assert len(told["world"]) == 3
+        many.close()
+    (folder,) = (path for path in tmp_path.glob("drive-*") if path.is_dir())
+    made = folder.stat().st_mtime_ns
+    assert starter.starter_worlds() == folder
+    assert folder.stat().st_mtime_ns == made
+    assert len([*folder.glob("*/drawn.json")]) == starter.COUNT

@@ -1,4 +1,5 @@
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -94,6 +95,15 @@ def test_each_wheel_carries_about_the_same_load():
     assert abs(centre[0]) < 0.02
     assert abs(centre[1]) < 1e-12
     assert np.arctan(0.5 * 0.76 / centre[2]) > rover.tilt_limit
+
+
+@pytest.mark.parametrize("name", built_in_rovers())
+def test_a_choice_survives_pickling(name):
+    spec = built_in_rovers()[name]
+    some, value = next(iter(spec.DESCRIPTION.dimensions.items()))
+    mine = spec(step_limit_m=0.1, dimensions=spec.DIMENSIONS(**{some: value.default}))
+    assert pickle.loads(pickle.dumps(mine)) == mine
+    assert pickle.loads(pickle.dumps(mine.dimensions)) == mine.dimensions
 
 
 def test_dimensions_change_the_rover():
