@@ -69,4 +69,8 @@ def cut(
             f"{found[0]:g},{found[1]:g}, asked for {size[0]:g} × {size[1]:g} m around "
             f"{centre[0]:g},{centre[1]:g}"
         )
+    held = {path.name for path in result.world.trajectories}
+    if left := [path.name for path in result.world.site.recipe.paths if path.name not in held]:
+        near = "" if held else ", and with them what exports have near paths"
+        say(f"  left out     paths that do not lie wholly in it: {', '.join(left)}{near}")
     finish(result.passed, into)

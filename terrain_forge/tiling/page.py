@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
@@ -22,7 +23,11 @@ body{font:16px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding
 color:#221e1a;background:#faf8f5}h1{margin-bottom:0}table{border-collapse:collapse}
 td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:1px solid #ddd5cb}
 #map{position:relative;overflow:hidden;height:70vh;background:#2a2622;border-radius:6px;
-touch-action:none;cursor:grab}#plane{position:absolute;left:0;top:0;transform-origin:0 0}
+touch-action:pan-x pan-y;cursor:grab}#closer{position:absolute;right:.5rem;top:.5rem;z-index:2}
+#closer button{width:2.4rem;height:2.4rem;font-size:1.2rem;margin-left:.3rem}.wide{overflow-x:auto}
+.panels{display:flex;flex-wrap:wrap}.panels img{flex:1 1 21rem;min-width:0;object-fit:cover;
+object-position:0}.panels img+img{object-position:100%}
+#plane{position:absolute;left:0;top:0;transform-origin:0 0}
 #plane svg{position:absolute;left:0;top:0;z-index:1;pointer-events:none}
 polyline{fill:none;stroke:#f2c230;stroke-width:var(--line)}
 #plane img{position:absolute;display:block}#place{font-variant-numeric:tabular-nums}
@@ -30,6 +35,9 @@ figure{margin:1rem 0}figure img{max-width:100%}code{background:#efe9e1;padding:0
 @media(prefers-color-scheme:dark){body{color:#eee7de;background:#1c1916}code{background:#332d27}
 td,th{border-color:#443c34}}
 """
+_FIGURE, _SHAPE = "truth/size_frequency.png", "660/576"
+"""The plot of sizes, and the shape of each of its two panels."""
+_QUOTED = re.compile("`([^`]*)`")
 _POINTS = 4000
 """Points of a path on the map."""
 _SCRIPT = """
@@ -53,11 +61,20 @@ if(!shown.has(name)){const i=new Image();i.src=`tiles/${name}/map.png`;i.alt='';
 i.style.left=c*cells+'px';i.style.top=top+'px';i.width=Math.min(cells,columns-c*cells);
 i.height=bottom-top;plane.append(i);shown.set(name,i)}}}
 for(const [name,i] of shown)if(!wanted.has(name)){i.remove();shown.delete(name)}}
-map.addEventListener('wheel',e=>{e.preventDefault();const b=map.getBoundingClientRect(),
-px=e.clientX-b.left,py=e.clientY-b.top,f=Math.exp(-e.deltaY/400),
-s=Math.min(Math.max(scale*f,least/2),16);x=px-(px-x)*s/scale;y=py-(py-y)*s/scale;scale=s;draw()},
-{passive:false});
-let held=null;map.addEventListener('pointerdown',e=>{held=[e.clientX-x,e.clientY-y];
+function closer(f,px,py){const s=Math.min(Math.max(scale*f,least/2),16);
+x=px-(px-x)*s/scale;y=py-(py-y)*s/scale;scale=s;draw()}
+for(const [name,f] of [['in',1.6],['out',1/1.6]])document.getElementById(name).addEventListener(
+'click',()=>closer(f,map.clientWidth/2,map.clientHeight/2));
+map.addEventListener('wheel',e=>{e.preventDefault();const b=map.getBoundingClientRect();
+closer(Math.exp(-e.deltaY/400),e.clientX-b.left,e.clientY-b.top)},{passive:false});
+let two=null;function pinched(e){if(e.touches.length!==2){two=null;return}e.preventDefault();
+const b=map.getBoundingClientRect(),[p,q]=e.touches,px=(p.clientX+q.clientX)/2-b.left,
+py=(p.clientY+q.clientY)/2-b.top,wide=Math.hypot(p.clientX-q.clientX,p.clientY-q.clientY);
+if(two){x+=px-two[0];y+=py-two[1];closer(wide/two[2],px,py)}two=[px,py,wide]}
+for(const name of ['touchstart','touchmove','touchend','touchcancel'])
+map.addEventListener(name,pinched,{passive:false});
+let held=null;map.addEventListener('pointerdown',e=>{
+if(e.pointerType==='touch'||e.target.tagName==='BUTTON')return;held=[e.clientX-x,e.clientY-y];
 map.setPointerCapture(e.pointerId)});
 map.addEventListener('pointermove',e=>{const b=map.getBoundingClientRect(),
 c=(e.clientX-b.left-x)/scale,r=rows-(e.clientY-b.top-y)/scale;
@@ -119,8 +136,11 @@ def _map(order: TileOrder, paths: Sequence[Trajectory]) -> str:
     return (
         f'<h2>Map</h2><div id="map" role="img" aria-label="Map of the site from above" {told}>'
         f'<div id="plane"><img src="{PICTURE}" alt="" width="{grid.columns}" '
-        f'height="{grid.rows}">{_lines(order, paths)}</div></div>'
-        '<p id="place">Turn the wheel to look closer, drag to move.</p>'
+        f'height="{grid.rows}">{_lines(order, paths)}</div><div id="closer">'
+        '<button id="out" aria-label="Farther">−</button>'
+        '<button id="in" aria-label="Closer">+</button></div></div>'
+        '<p id="place">Turn the wheel to look closer, drag to move; on a touch screen both with '
+        "two fingers.</p>"
     )
 
 
@@ -172,8 +192,10 @@ def _rocks(verification: dict[str, Any]) -> str:
     return (
         f"<h2>Rocks</h2>{_table(head, rows)}<p>Overlapping pairs: "
         f"{verification['overlaps']['pairs']}. Sizes are counted in classes, so the distance is "
-        'that at their ends.</p><figure><img src="truth/size_frequency.png" '
-        'alt="Number and cover of rocks over diameter, against the law"></figure>'
+        'that at their ends.</p><figure class="panels">'
+        f'<img src="{_FIGURE}" style="aspect-ratio:{_SHAPE}" '
+        'alt="Number and cover of rocks over diameter, against the law">'
+        f'<img src="{_FIGURE}" style="aspect-ratio:{_SHAPE}" alt=""></figure>'
     )
 
 
@@ -184,7 +206,8 @@ def _z(value: float | None) -> str:
 def _exports(manifest: dict[str, Any]) -> str:
     told = ""
     for folder, export in manifest["exports"].items():
-        lost = "".join(f"<li>{escape(sentence)}</li>" for sentence in export["losses"])
+        told_apart = (_QUOTED.sub(r"<code>\1</code>", escape(one)) for one in export["losses"])
+        lost = "".join(f"<li>{sentence}</li>" for sentence in told_apart)
         told += f"<h3>{escape(folder)}</h3><ul>{lost}</ul>"
     size = size_text(manifest["tiles"]["bytes"])
     return (
@@ -198,4 +221,4 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     body = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
     )
-    return f"<table><tr>{cells}</tr>{body}</table>"
+    return f'<div class="wide"><table><tr>{cells}</tr>{body}</table></div>'

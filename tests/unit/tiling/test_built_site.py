@@ -261,6 +261,9 @@ def test_a_part_without_a_path_has_no_pebbles(tmp_path):
         assert not done.world.trajectories
         assert done.exports[0].options["collider_min_m"] == 0.3
         assert not (tmp_path / name / "usd/assets/pebbles.usdc").exists()
+    place = "--centre", "0,0", "--size", "12,10"
+    said = command.run("cut", site, *place, "--only", "geotiff", "-o", tmp_path / "third").stdout
+    assert "left out     paths that do not lie wholly in it: p, and with them what" in said
 
 
 @pytest.mark.slow
