@@ -18,6 +18,7 @@ from terrain_forge.geometry import (
     detail_loss,
     level_of_detail,
     lightest_rock_colour,
+    pebbles_loss,
     texture_loss,
     with_horizon_loss,
 )
@@ -86,9 +87,12 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     files, losses = [Path("world.glb")], _losses(world, coarse, options)
     if options.pebbles_min_m > 0.0:
         laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
-        write_pebbles(world, laid, directory / FILE)
-        files.append(Path(FILE))
-        losses = (*losses, f"{len(laid)} pebbles are in {FILE}, which trimesh cannot read.")
+        if len(laid):
+            write_pebbles(world, laid, directory / FILE)
+            files.append(Path(FILE))
+            losses = (*losses, f"{len(laid)} pebbles are in {FILE}, which trimesh cannot read.")
+        else:
+            losses = (*losses, pebbles_loss(0, options.pebbles_within_m))
     report = ExportReport(files=tuple(files), losses=losses)
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 

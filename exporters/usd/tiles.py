@@ -205,10 +205,12 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     parent = layer.GetPrimAtPath(f"/{ROOT}/Tiles")
     with Sdf.ChangeBlock():
         for tile in tiled.tiles:
-            name = f"tile_{tile.row:03}_{tile.column:03}"
-            prim = Sdf.PrimSpec(parent, name, Sdf.SpecifierDef, "Xform")
+            place = f"{tile.row:03}_{tile.column:03}"
+            prim = Sdf.PrimSpec(parent, f"tile_{place}", Sdf.SpecifierDef, "Xform")
             prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
-            prim.variantSelections["lod"] = [*LEVELS][-1]
+            # Pebbles lie on the finest ground: above and below a coarser one.
+            finest = f"pebbles_{place}" in pebbles
+            prim.variantSelections["lod"] = [*LEVELS][0 if finest else -1]
     layer.Save()
     told = [pebbles_loss(sum(pebbles.values()), options.pebbles_within_m)] if pebbles else []
     return (*_losses(tiled, options), *told, *horizon_losses(horizon, shown=shown))
@@ -234,8 +236,8 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
         f"The ground's coordinates are rounded to {1e6 * step:.3g} µm.",
         f"Levels of detail are off by up to: {far}; rocks smaller than half a cell of a level are "
         "not in it, and nothing but its ground can be touched.",
-        "world.usda shows all tiles at their coarsest: choose the variant `lod` = `full` of those "
-        "that a rover drives on.",
+        "world.usda shows all tiles at their coarsest, but those with pebbles: choose the variant "
+        "`lod` = `full` of those that a rover drives on.",
         *untiled_losses(close=options.close_within_m > 0.0),
         *collision_losses(tiled.shapes),
     ]

@@ -73,8 +73,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     pebbles = 0
     if options.pebbles_min_m > 0.0:
         laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
-        write_pebbles(world, laid, assets)
-        parts["Pebbles"], pebbles = ["pebbles"], len(laid)
+        if len(laid):
+            write_pebbles(world, laid, assets)
+            parts["Pebbles"], pebbles = ["pebbles"], len(laid)
     _write_world(directory / "world.usda", world, parts, options)
     write_scene(directory / "scene.usda", world, base="./world.usda")
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())
@@ -161,7 +162,7 @@ def _losses(
         ),
         "USD does not say whose friction counts where two things touch: PhysX takes their mean.",
     ]
-    if pebbles:
+    if options.pebbles_min_m > 0.0:
         losses.append(pebbles_loss(pebbles, options.pebbles_within_m))
     if world.site.georeferenced:
         losses.append("Longitude and latitude of the site are left out: no USD schema holds them.")

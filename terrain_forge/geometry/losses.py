@@ -29,6 +29,8 @@ def untiled_losses(*, close: bool) -> list[str]:
 
 def pebbles_loss(count: int, within: float) -> str:
     """What pebbles up to a distance [m] from paths are not."""
+    if not count:
+        return f"No pebble lies within {within:g} m of a path."
     return (
         f"{count} pebbles within {within:g} m of the paths are for pictures alone: nothing "
         "touches them, and truth does not count them."

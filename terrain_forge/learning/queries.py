@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import DataError, OutputError, checked
+from terrain_forge.learning.requests import folders_of
 from terrain_forge.model import World
 from terrain_forge.truth import rock_rasters
+from terrain_forge.variation import ORDER
 
 _PYTHONS = (int, float, list, tuple)
 
@@ -51,13 +53,15 @@ class Grounds:
         """The grounds of worlds, or of folders in which they were built, as NumPy's arrays.
 
         Args:
-            worlds: Several, or one.
+            worlds: Several, or one, or a folder of many worlds.
 
         Raises:
             OutputError: if they differ in size or spacing, or there are none.
             DataError: for another kind of argument.
         """
-        if isinstance(worlds, World | Path | str):
+        if isinstance(worlds, Path | str) and (Path(worlds) / ORDER).is_file():
+            worlds = folders_of(Path(worlds), None)
+        elif isinstance(worlds, World | Path | str):
             worlds = (worlds,)
         loaded = [_world(one) for one in worlds]
         if not loaded:

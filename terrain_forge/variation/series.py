@@ -257,8 +257,14 @@ def _difference(theirs: dict[str, Any], mine: dict[str, Any]) -> str:
         if other != value:
             if isinstance(other, dict) and isinstance(value, dict):
                 return f" ({key}{_difference(other, value).replace(' (', '.', 1)}"
-            return f" ({key}: {str(other)[:_SHOWN]}, not {str(value)[:_SHOWN]})"
+            return f" ({key}: {_short(other)}, not {_short(value)})"
     return ""
+
+
+def _short(value: Any) -> str:
+    """A value of a recipe in a line."""
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
 def _require_whole(world: Path) -> None:

@@ -27,6 +27,7 @@ def points(made):
 
 def test_batched_queries_equal_those_of_each_world(made):
     grounds = learning.Grounds.of(made.folders)
+    assert np.array_equal(learning.Grounds.of(made.directory).elevation, grounds.elevation)
     loaded = [tf.World.load(folder) for folder in made.folders]
     n, x, y = points(made)
     height = grounds.height_at(n, x, y)

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from terrain_forge.exporters import glb
+from terrain_forge.exporters import glb, usd
 from terrain_forge.exporters.usd import Options, export
 
 from terrain_forge.base import ExportError, xyzw
@@ -74,6 +74,14 @@ def test_usd_draws_them_and_no_physics_knows_them(world, tmp_path):
             drawn += len(UsdGeom.PointInstancer(prim).GetIdsAttr().Get())
     assert drawn == len(path_pebbles(world, smallest=0.03, within=1.0)) > 50
     assert any(f"{drawn} pebbles" in loss for loss in report.losses)
+
+
+@pytest.mark.parametrize("writer", [usd, glb])
+def test_none_leave_no_file(world, tmp_path, writer):
+    options = writer.Options(pebbles_min_m=0.19, pebbles_within_m=0.001)
+    report = writer.export(world, tmp_path, options=options)
+    assert "No pebble lies within 0.001 m of a path." in report.losses
+    assert not [*tmp_path.rglob("*pebbles*")]
 
 
 def test_rays_meet_them_and_the_motion_does_not(world):

@@ -308,6 +308,12 @@ def test_pebbles_of_tiles_are_those_of_the_whole(tmp_path):
     assert np.allclose(found[np.lexsort(found.T)], wanted, rtol=0, atol=1e-5)
     files = sorted(path.stem for path in site.glob("glb/pebbles_*.glb"))
     assert files == sorted(prim.GetName() for prim in tiles)
+    full = {
+        prim.GetName().removeprefix("tile_")
+        for prim in stage.GetPrimAtPath("/World/Tiles").GetChildren()
+        if prim.GetVariantSets().GetVariantSelection("lod") == "full"
+    }
+    assert full == {name.removeprefix("pebbles_") for name in files}
     assert sum(_instances(read_glb(site / f"glb/{name}.glb")[0]) for name in files) == len(wanted)
     manifest = json.loads((site / "manifest.json").read_text())
     for kind in ("usd", "glb"):
