@@ -27,11 +27,11 @@ from terrain_forge.geometry import (
     coarse_shape,
     coloured_parts,
     finest_texture,
-    grid_normals,
     grid_texture_coordinates,
     ground_levels,
     grouped,
     horizon_losses,
+    level_normals,
     level_of_detail,
     lightest_rock_colour,
     pebbles_loss,
@@ -127,7 +127,7 @@ def _write_level(
     picture: NDArray[np.uint8],
 ) -> Box:
     """Write a level of a tile as GLB; returns the box of its vertices."""
-    shape, ground = tile.ground.shape, tile.ground
+    shape = tile.ground.shape
     boxes = [_box(level.vertices)]
     with TemporaryFile(dir=path.parent) as binary:
         gltf = Gltf(binary)
@@ -135,7 +135,7 @@ def _write_level(
         material = gltf.add("materials", matt("regolith", texture=texture))
         primitive = gltf.add_primitive(
             level.vertices,
-            grid_normals(ground, tile.whole.ground)[level.nodes],
+            level_normals(tile, level),
             gltf.add_indices(level.faces),
             grid_texture_coordinates(*shape)[level.nodes],
         )

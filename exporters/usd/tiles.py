@@ -22,11 +22,11 @@ from terrain_forge.geometry import (
     collision_losses,
     detail_placement,
     finest_texture,
-    grid_normals,
     grid_texture_coordinates,
     ground_levels,
     grouped,
     horizon_losses,
+    level_normals,
     level_of_detail,
     pebbles_loss,
     rock_texture,
@@ -113,8 +113,7 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
     name, ground = path.stem, tile.ground
     stage = new_stage(path, name)
     mesh = define_mesh(stage, f"/{name}/surface", level.vertices, level.faces)
-    normals = grid_normals(ground, tile.whole.ground)[level.nodes]
-    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(level_normals(tile, level)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     define_st(mesh, grid_texture_coordinates(*ground.shape)[level.nodes], UsdGeom.Tokens.vertex)
     make_collider(mesh, UsdPhysics.Tokens.none)

@@ -25,6 +25,7 @@ from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture
 from .levels import GroundLevel as GroundLevel
 from .levels import ground_levels as ground_levels
+from .levels import level_normals as level_normals
 from .levels import rocks_error as rocks_error
 from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor

@@ -1,7 +1,8 @@
 """Levels of detail of a tile's ground that meet without cracks, whichever the neighbours show.
 
-A coarser level has every n-th node of the tile, and all nodes of its border. So all levels have one
-border, and neighbours share it. Cells at the border are cut into fans from a corner inside.
+A coarser level has every n-th node of the tile, and all nodes of its border and of the ring within.
+So all levels have one border, and neighbours share it, with its normals; only the cells between it
+and the ring look as fine as it. Cells within the ring are cut into fans from a corner inside.
 Coordinates are whole multiples of a power of two (`TileGrid.step`), and so is the point that a
 tile's are counted from: their sum is the same number from either side.
 """
@@ -10,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, inner, kernel
+from terrain_forge.geometry.ground_mesh import grid_normals
 from terrain_forge.model import RockField, RockPrototype, Tile, TileGrid, World
 
 _FEWEST = 2
@@ -90,6 +92,25 @@ def ground_levels(tile: Tile, grid: TileGrid, strides: tuple[int, ...]) -> Itera
         )
 
 
+def level_normals(tile: Tile, level: GroundLevel) -> NDArray[np.float32]:
+    """Unit normals at a level's vertices, shape [vertices, 3].
+
+    Of a coarse one they are means around each, but on the border, where all levels' are alike.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    fine = grid_normals(tile.ground, tile.whole.ground)
+    if level.stride == 1:
+        return fine[level.nodes]
+    fine = fine.reshape(*tile.ground.shape, 3)
+    mean = partial(uniform_filter1d, size=level.stride + 1, mode="nearest")
+    smooth = mean(mean(fine, axis=0), axis=1)
+    smooth /= np.sqrt((smooth**2).sum(axis=2, keepdims=True))
+    for side in (0, -1):
+        smooth[side], smooth[:, side] = fine[side], fine[:, side]
+    return np.asarray(smooth.reshape(-1, 3)[level.nodes], np.float32)
+
+
 def shifted(world: World, anchor: Array) -> World:
     """A world whose places count from another point [m]."""
     ground = world.ground
@@ -104,8 +125,10 @@ def shifted(world: World, anchor: Array) -> World:
 
 
 def _lines(cells: int, stride: int) -> NDArray[np.int64]:
-    """Nodes at which a level's cells begin and end along a side."""
-    return np.unique([*range(0, cells + 1 - stride // 2, stride), cells])
+    """Nodes at which a level's cells begin and end along a side; a coarse one's within its ring."""
+    if stride == 1:
+        return np.arange(cells + 1)
+    return np.unique([1, *range(stride, cells - stride // 2, stride), cells - 1])
 
 
 @lru_cache(maxsize=32)
@@ -116,19 +139,24 @@ def level_faces(
     down, across = _lines(rows, stride), _lines(columns, stride)
     kept = np.zeros((rows + 1, columns + 1), np.bool_)
     kept[np.ix_(down, across)] = True
-    kept[[0, -1]] = True
-    kept[:, [0, -1]] = True
+    ring = [0, 1, -2, -1] if stride > 1 else [0, -1]
+    kept[ring] = kept[:, ring] = True
     index = np.full(kept.shape, -1, np.int32)
     index[kept] = np.arange(np.count_nonzero(kept), dtype=np.int32)
-    corners = index[np.ix_(down, across)]
-    inside = slice(None) if stride == 1 else slice(1, -1)
+    found = [_halves(index[np.ix_(down, across)], slice(None) if stride == 1 else slice(1, -1))]
+    if stride > 1:
+        found.append(np.array(list(_fans(index, down, across)), np.int32).reshape(-1, 3))
+        strips = index[:2], index[-2:], index[1:-1, :2], index[1:-1, -2:]
+        found += [_halves(strip, slice(None)) for strip in strips]
+    return np.flatnonzero(kept), np.concatenate(found)
+
+
+def _halves(corners: NDArray[np.int32], inside: slice) -> NDArray[np.int32]:
+    """Two faces for each cell between nodes, of those in some rows and columns of cells."""
     southwest, southeast = corners[:-1, :-1][inside, inside], corners[:-1, 1:][inside, inside]
     northwest, northeast = corners[1:, :-1][inside, inside], corners[1:, 1:][inside, inside]
     parts = (southwest, southeast, northeast, southwest, northeast, northwest)
-    found = [np.stack(parts, axis=-1).reshape(-1, 3)]
-    if stride > 1:
-        found.append(np.array(list(_fans(index, down, across)), np.int32).reshape(-1, 3))
-    return np.flatnonzero(kept), np.concatenate(found)
+    return np.stack(parts, axis=-1).reshape(-1, 3)
 
 
 def _fans(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.geometry import ground_levels, tile_anchor
+from terrain_forge.geometry import ground_levels, level_normals, tile_anchor
 from terrain_forge.model import TileGrid
 
 
@@ -47,6 +47,24 @@ def test_all_levels_have_one_border_with_their_neighbours(whole, cells):
             nodes = where[border] + (window.row, window.column)
             for node, place in zip(map(tuple, nodes.tolist()), places.tolist(), strict=True):
                 assert rims.setdefault(node, place) == place
+
+
+@pytest.mark.parametrize("stride", [4, 16])
+def test_coarse_levels_shade_smoothly_but_on_their_borders(whole, stride):
+    """Normals of a fine border beside the coarse ground within looked like a seam."""
+    grid, tiles = tiles_of(whole, 80)
+    for tile in tiles:
+        rows, columns = tile.ground.shape
+        full, level = ground_levels(tile, grid, (1, stride))
+        fine, coarse = level_normals(tile, full)[level.nodes], level_normals(tile, level)
+        assert np.linalg.norm(coarse, axis=1) == pytest.approx(1.0, abs=1e-6)
+        row, column = np.divmod(level.nodes, columns)
+        border = (row % (rows - 1) == 0) | (column % (columns - 1) == 0)
+        assert np.array_equal(coarse[border], fine[border])
+        ring = np.flatnonzero((row == 1) & ~border)
+        assert len(ring) == columns - 2
+        bends = [np.diff(normals[ring, :2], axis=0).std() for normals in (coarse, fine)]
+        assert bends[0] < 0.6 * bends[1]
 
 
 @pytest.mark.parametrize("stride", [1, 4, 16])
