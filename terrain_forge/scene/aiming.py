@@ -39,6 +39,9 @@ from terrain_forge.scene.packets import (
 from terrain_forge.scene.stage import bands, triple32
 
 _0, _HALF, _1, _FAR_AWAY = (np.float32(n) for n in (0.0, 0.5, 1.0, np.inf))
+_THIN = np.float32(1e-12)
+_MARGIN = 1e-3
+"""What 32 bits may be wrong by where they tell whether a ray comes near bodies [m]."""
 _NEAR_LIFT, _FAR_LIFT = np.float32(5e-4), np.float32(2e-4)
 
 
@@ -80,6 +83,11 @@ class Passing(NamedTuple):
     parts: NDArray[np.float32]
     ball: tuple[np.float32, np.float32, np.float32, np.float32]
     """Middle and radius of a ball around them in the scene's frame [m]."""
+    turn: NDArray[np.float32]
+    """The first pose, shape [3, 4]."""
+    box: NDArray[np.float32]
+    """Corners of a box around them in their frame, a little more than `low` and `high` [m], shape
+    [2, 3]."""
 
 
 def fixed(array: NDArray[Any]) -> NDArray[Any]:
@@ -98,7 +106,7 @@ def passing_bodies(rover: Rover | None, channels: int) -> Passing:
     low, high = np.array(rover.bodies.low), np.array(rover.bodies.high)
     middles = portable.product(rover.poses[:, :, :3], 0.5 * (low + high)) + rover.poses[:, :, 3]
     middle = 0.5 * (middles.min(axis=0) + middles.max(axis=0))
-    radius = 0.5 * portable.norm(high - low) + portable.norm(middles - middle).max() + 1e-3
+    radius = 0.5 * portable.norm(high - low) + portable.norm(middles - middle).max() + _MARGIN
     return Passing(
         handle=rover.bodies.handle,
         rotation=rover.bodies.rotation,
@@ -108,6 +116,8 @@ def passing_bodies(rover: Rover | None, channels: int) -> Passing:
         poses=np.ascontiguousarray(rover.poses),
         parts=bands(rover.rgb, channels),
         ball=(*triple32(middle), np.float32(radius)),
+        turn=np.ascontiguousarray(rover.poses[0], np.float32),
+        box=np.array([low - _MARGIN, high + _MARGIN], np.float32),
     )
 
 
@@ -130,9 +140,43 @@ def _passes_ball(ray, ball):  # type: ignore[no-untyped-def]
 
 
 @merged
+def _passes_box(ray, turn, box):  # type: ignore[no-untyped-def]
+    """Whether a ray of the packet may come through the box, which is at one pose for all."""
+    passing = False
+    for lane in range(LANES):
+        x, y, z = (
+            ray[ORIGIN_X, lane] - turn[0, 3], ray[ORIGIN_X + 1, lane] - turn[1, 3],
+            ray[ORIGIN_X + 2, lane] - turn[2, 3],
+        )  # fmt: skip
+        a, b, c = (
+            ray[DIRECTION_X, lane], ray[DIRECTION_X + 1, lane], ray[DIRECTION_X + 2, lane]
+        )  # fmt: skip
+        begin, end = _0, _FAR_AWAY
+        for axis in range(3):
+            at = turn[0, axis] * x + turn[1, axis] * y + turn[2, axis] * z
+            along = turn[0, axis] * a + turn[1, axis] * b + turn[2, axis] * c
+            per = _1 / (along if abs(along) > _THIN else _THIN)
+            one, other = (box[0, axis] - at) * per, (box[1, axis] - at) * per
+            begin, end = max(begin, min(one, other)), min(end, max(one, other))
+        if begin <= end:
+            passing = True
+    return passing
+
+
+@merged
+def _may_meet(passing, ray):  # type: ignore[no-untyped-def]
+    """Whether a ray of the packet may meet a body; all of them need not be turned else."""
+    if passing.handle == 0:
+        return False
+    if len(passing.poses) > 1:
+        return _passes_ball(ray, passing.ball)
+    return _passes_box(ray, passing.turn, passing.box)
+
+
+@merged
 def meet_all(world, passing, pose, ray, own):  # type: ignore[no-untyped-def]
     """What the packet's rays meet first."""
-    if passing.handle != 0 and _passes_ball(ray, passing.ball):
+    if _may_meet(passing, ray):
         meet8(world[0], passing, pose, world[1], ray, own)
     else:
         intersect8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])
@@ -143,7 +187,7 @@ def lit_lanes(world, passing, pose, ray, own, lit):  # type: ignore[no-untyped-d
     """Which of some lanes' rays meet nothing, as bits."""
     if lit == 0:
         return lit
-    if passing.handle != 0 and _passes_ball(ray, passing.ball):
+    if _may_meet(passing, ray):
         shade8(world[0], passing, pose, world[1], ray, own)
     else:
         occluded8(ray.ctypes.data + 4 * ACTIVE * LANES, world[0], ray.ctypes.data, world[1])

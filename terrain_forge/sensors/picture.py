@@ -75,6 +75,8 @@ def take_exposure(
         near: What of the rover is nearer to the rays' origins is not seen [m].
     """
     height, times = len(rays), np.atleast_1d(np.asarray(time, np.float64))
+    if times[0] == times[-1]:  # one pose serves all rows
+        times = times[:1]
     scenery, lighting = setting.scenery, setting.world.lighting
     stage = _stage(scenery, 3 if colour else 1)
     placed = scenery.rover_at(float(times[len(times) // 2]))  # held as long as rays are cast
