@@ -205,10 +205,10 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     ]
     if shown:
         losses.append(f"It is in {HORIZON}, in the tileset's frame; viewers frame all of that.")
-    if count := _write_pebbles(tiled, directory, options):
-        losses.append(
-            f"{pebbles_loss(count, options.pebbles_within_m)} They are in files beside the tileset."
-        )
+    count = _write_pebbles(tiled, directory, options)
+    if options.pebbles_min_m > 0.0:
+        beside = " They are in files beside the tileset." if count else ""
+        losses.append(f"{pebbles_loss(count, options.pebbles_within_m)}{beside}")
     return tuple(losses)
 
 

@@ -211,7 +211,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
             finest = f"pebbles_{place}" in pebbles
             prim.variantSelections["lod"] = [*LEVELS][0 if finest else -1]
     layer.Save()
-    told = [pebbles_loss(sum(pebbles.values()), options.pebbles_within_m)] if pebbles else []
+    count, wanted = sum(pebbles.values()), options.pebbles_min_m > 0.0
+    told = [pebbles_loss(count, options.pebbles_within_m)] * wanted
     return (*_losses(tiled, options), *told, *horizon_losses(horizon, shown=shown))
 
 
@@ -231,12 +232,13 @@ def _losses(tiled: TiledSite, options: Options) -> list[str]:
         name: max(tile.figures["errors"].get(name, 0.0) for tile in tiled.tiles) for name in LEVELS
     }
     far = ", ".join(f"{name} {worst[name]:.2g} m" for name in LEVELS)
+    pebbly = ", but those with pebbles" if options.pebbles_min_m > 0.0 else ""
     return [
         f"The ground's coordinates are rounded to {1e6 * step:.3g} µm.",
         f"Levels of detail are off by up to: {far}; rocks smaller than half a cell of a level are "
         "not in it, and nothing but its ground can be touched.",
-        "world.usda shows all tiles at their coarsest, but those with pebbles: choose the variant "
-        "`lod` = `full` of those that a rover drives on.",
+        f"world.usda shows all tiles at their coarsest{pebbly}: choose the variant `lod` = `full` "
+        "of those that a rover drives on.",
         *untiled_losses(close=options.close_within_m > 0.0),
         *collision_losses(tiled.shapes),
     ]

@@ -5,6 +5,7 @@ from .arrays import Array as Array
 from .arrays import Key as Key
 from .arrays import Mask as Mask
 from .bounded import MAX_STATE as MAX_STATE
+from .bounded import length_text as length_text
 from .bounded import read_arrays as read_arrays
 from .bounded import read_bytes as read_bytes
 from .bounded import read_json as read_json

@@ -37,6 +37,13 @@ def size_text(size: float) -> str:
     return f"{size:.3g} GB"
 
 
+def length_text(metres: float) -> str:
+    """A length for people, such as `3.4 km`."""
+    if metres < 999.5:
+        return f"{metres:.3g} m"
+    return f"{metres / 1e3:.3g} km" if metres < 999.5e3 else f"{metres / 1e3:,.0f} km"
+
+
 def require_file(
     path: Path, name: str, key: tuple[str | int, ...] = (), *, most: float = math.inf
 ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from terrain_forge.base import DataError, reading
+from terrain_forge.base import DataError, length_text, reading
 from terrain_forge.building.cost import cost_line, stage_line
 from terrain_forge.building.rover_check import rover_lines
 from terrain_forge.dtm import (
@@ -20,6 +20,7 @@ from terrain_forge.dtm import (
     site_facts,
     still_to_fetch,
 )
+from terrain_forge.geometry import untiled_losses
 from terrain_forge.making import light_of
 from terrain_forge.model import BODIES, Lighting, Site
 from terrain_forge.paths import Planned, duration
@@ -75,6 +76,8 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         cells = tile_cells(recipe)
         across, up = -(-window.columns // cells), -(-window.rows // cells)
         yield f"  tiles        {across} × {up} of {cells * site.spacing:g} m, built one by one"
+        close = any(getattr(order.options, "close_within_m", 0.0) for order in orders)
+        yield from (f"  {'warning':<12} {text}" for text in untiled_losses(close=close))
     for layer in recipe.terrain.layers:
         for word, told in layer.facts(site):
             yield f"  {word:<12} {told}"
@@ -163,6 +166,6 @@ def _horizon(site: Site) -> str:
         told = "no heights were read beyond the site: level ground"
     else:
         sources = ", ".join(dict.fromkeys(level.source for level in site.surroundings))
-        told = f"heights read out to {known / 1e3:.2g} km ({sources})"
+        told = f"heights read out to {length_text(known)} ({sources})"
     rocks = f"; rocks within {spec.rocks_m:g} m" if spec.rocks_m else ""
     return f"{told}{rocks}; 1 to 6 MB in each format that takes it"

@@ -23,14 +23,14 @@ _WIDTH = 0.8
 _FREE = 4.0 * math.pi * _WIDTH**2 * 1.5 * math.pi
 """Degrees of freedom of a band in it."""
 _BANDS = (-1, 0, 1, 2)
-"""Octaves that tell where ground is rough, from the longest wave that noise hides."""
+"""Octaves that tell where ground is rough, counted from the longest wave that noise hides."""
 _LEAST = 0.3
 """Ground in a band, over its noise, below which the band says nothing."""
 _UNSURE = 0.15, 0.3
 """What a band's noise and its ground, as told by other bands, are off by."""
 _FOLLOWED = 0.9
 """Exponent on what bands tell of power: shorter waves vary less from place to place."""
-_MOST = 8.0
+_MOST = 32.0
 """Factor by which ground is rougher or smoother than on the whole, at most."""
 
 
@@ -47,10 +47,10 @@ def denoised(
     """
     plane = _plane(heights)
     waves = _Waves.of(heights - plane)
-    drawn = np.empty(heights.shape)
-    over_chunks(_draw, len(drawn), key, drawn)
     spectra = _Spectra.of(floor)
     rough = _unevenness(waves, spectra, floor, np.s_[:] if trusted is None else trusted)
+    drawn = np.empty(heights.shape)
+    over_chunks(_draw, len(drawn), key, drawn)
     steps = 2.0 * portable.log2([rough.min(), rough.max()])
     levels = portable.power(2.0, 0.5 * np.arange(math.floor(steps[0]), math.ceil(steps[1]) + 1))
     ground = plane
@@ -95,7 +95,8 @@ class _Waves:
 
         waves = np.empty_like(self.amplitudes)
         down, across = self.squares()
-        for row, square in enumerate(down + across):
+        for row, own in enumerate(down):
+            square = own + across
             waves[row] = self.amplitudes[row] * np.interp(square, squares, factors)
             if more is not None:
                 waves[row] += more[1][row] * np.interp(square, squares, more[0])
@@ -105,7 +106,7 @@ class _Waves:
     def mean(self, squares: Array, density: Array) -> float:
         """Mean square height of waves of a spectral density, given at squares of wave numbers."""
         down, across = self.squares()
-        rows = [np.interp(square, squares, density).sum() for square in down + across]
+        rows = [np.interp(own + across, squares, density).sum() for own in down]
         return math.fsum(rows) / self.amplitudes.size
 
 

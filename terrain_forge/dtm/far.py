@@ -30,8 +30,9 @@ _MOST = 2**24
 """Samples that may have to be decoded for a window."""
 _EDGE = 8.0
 """Samples over which a window fades into the next one."""
-_DISTANCES = 33
-"""Distances from a border at which it is looked whether heights go on."""
+_DISTANCES, _HALVINGS = 33, 6
+"""Distances from a border at which it is looked whether heights go on, and how often the step in
+which they end is halved."""
 _SIDE = np.linspace(-1.0, 1.0, 65)
 _AROUND = np.stack(
     [np.concatenate([_SIDE, _SIDE, 0.0 * _SIDE - 1.0, 0.0 * _SIDE + 1.0]),
@@ -287,16 +288,27 @@ def far_heights(site: Site, east: Array, north: Array) -> tuple[Array, Array]:
 
 
 def followed_to(site: Site) -> float:
-    """How far from a site's border heights are told for the most part of the way round [m]."""
+    """How far from a site's border heights are told for the most part of the way round [m].
+
+    No farther than the recipe's horizon is to reach.
+    """
     reach = max((level.reach for level in site.surroundings), default=0.0)
-    if reach <= 1.0:
-        return 0.0
+    reach = min(reach, site.recipe.horizon.reach_m or reach)
     east, north = 0.5 * site.size[0], 0.5 * site.size[1]
-    told = 0.0
-    for away in portable.geomspace(1.0, reach, _DISTANCES).tolist():
+
+    def is_told(away: float) -> bool:
         around = ((east + away) * _AROUND[0], (north + away) * _AROUND[1])
-        if np.mean(far_heights(site, *around)[1] > 0.99) > 0.5:
-            told = away
+        return bool(np.mean(far_heights(site, *around)[1] > 0.99) > 0.5)
+
+    told, beyond = 0.0, reach
+    for away in portable.geomspace(min(1.0, reach), reach, _DISTANCES).tolist() if reach else ():
+        if is_told(away):
+            told, beyond = away, reach
+        elif beyond == reach:
+            beyond = away
+    for _ in range(_HALVINGS if told < beyond else 0):
+        middle = 0.5 * (told + beyond)
+        told, beyond = (middle, beyond) if is_told(middle) else (told, middle)
     return told
 
 

@@ -162,7 +162,7 @@ def _halves(corners: NDArray[np.int32], inside: slice) -> NDArray[np.int32]:
 def _fans(
     index: NDArray[np.int32], down: NDArray[np.int64], across: NDArray[np.int64]
 ) -> Iterator[tuple[int, int, int]]:
-    """Faces of the cells along the border, with all nodes of it."""
+    """Faces of the cells within the ring, with all nodes of it."""
     last_row, last_column = len(down) - 2, len(across) - 2
     for row in range(last_row + 1):
         ring = range(last_column + 1) if row in (0, last_row) else (0, last_column)
@@ -193,7 +193,7 @@ def _rim(
     west: bool,
     east: bool,
 ) -> list[tuple[int, int]]:
-    """Nodes around a cell, counter-clockwise from the south-west: all of those on the border."""
+    """Nodes around a cell, counter-clockwise from the south-west: all of those on the ring."""
     (low, high), (left, right) = rows, columns
     return [
         *((low, n) for n in (range(left, right) if south else (left,))),
@@ -215,7 +215,7 @@ def _largest_error(elevation, down, across, stride):  # type: ignore[no-untyped-
     """Largest distance of a level from the ground [m], in height.
 
     Within, both are straight between the nodes, since the level's diagonals lie on the ground's. In
-    cells of the border, and those of another size, it is at most the range of what the nodes are
+    cells at the ring, and those of another size, it is at most the range of what the nodes are
     above a plane: either surface is a mean of nodes.
     """
     largest = 0.0

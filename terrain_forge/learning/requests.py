@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from terrain_forge.base import Fraction, OutputError, Positive, complaint
-from terrain_forge.variation import ORDER, read_summary
+from terrain_forge.variation import ORDER, read_summary, worlds_in
 
 _SHOWN = 5
 """Worlds that are not there that a message names."""
@@ -91,14 +91,14 @@ def folders_of(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
     """
     if not (worlds / ORDER).is_file():
         raise OutputError(f"{worlds} holds no worlds (no {ORDER}): terrain-forge worlds makes them")
-    found = sorted(path.parent for path in worlds.glob("*/drawn.json"))
+    found = worlds_in(worlds)
     if numbers is not None:
         wanted = {f"{number:05}" for number in numbers}
         if gone := sorted(wanted - {path.name for path in found}, key=int):
             named = ", ".join(gone[:_SHOWN]) + ", …" * (len(gone) > _SHOWN)
             have = f"{len(found)}, {found[0].name} to {found[-1].name}" if found else "none"
             raise OutputError(f"numbers: {worlds} has no world {named}; it has {have}")
-        found = [path for path in found if path.name in wanted]
+        found = tuple(path for path in found if path.name in wanted)
     if not found:
         raise OutputError(f"{worlds} has no worlds" if numbers is None else "numbers: none given")
     return tuple(path.resolve() for path in found)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import fcntl
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from tempfile import gettempdir
 
 from terrain_forge import __version__
-from terrain_forge.base import cache_folder
+from terrain_forge.base import StorageError, cache_folder
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.recipe import (
     DifficultySpec,
@@ -54,12 +56,28 @@ def starter_worlds() -> Path:
     wish = sha256(f"{__version__}\n{recipe_json(recipe)}".encode()).hexdigest()
     out = home / f"drive-{wish[:16]}"
     if not _are_whole(out):
-        home.mkdir(parents=True, exist_ok=True)
-        with (home / f"{out.name}.lock").open("ab") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # side by side, all but one wait for them
+        with _waiting(home / f"{out.name}.lock"):
             if not _are_whole(out):
                 worlds(recipe, out)
     return out
+
+
+@contextmanager
+def _waiting(lock: Path) -> Iterator[None]:
+    """Whoever comes while another one makes them waits for it.
+
+    Raises:
+        StorageError: if the cache cannot be written.
+    """
+    try:
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        file = lock.open("ab")
+    except OSError as error:
+        raise StorageError(f"{lock.parent} cannot be written: {error.strerror}") from error
+    with file:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _are_whole(out: Path) -> bool:

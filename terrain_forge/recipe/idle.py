@@ -130,8 +130,6 @@ def _near_paths(recipe: Recipe, key: Key) -> Iterator[IdleKey]:
     pebbles = key[-1] == _PEBBLES
     if not recipe.paths:
         yield IdleKey(key, "there is no path", pebbles)
-    elif not pebbles and recipe.tiles is not None:
-        yield IdleKey(key, "tiles of a site have none", False)
     elif pebbles and not recipe.rocks.populations:
         yield IdleKey(key, "no population has a law that tells their number", pebbles)
 

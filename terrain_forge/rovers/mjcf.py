@@ -24,7 +24,11 @@ _INSTRUMENTS = {
     for kind, name in (
         (mujoco.mjtSensor.mjSENS_ACCELEROMETER, "accelerometer"),
         (mujoco.mjtSensor.mjSENS_GYRO, "gyro"),
+        (mujoco.mjtSensor.mjSENS_VELOCIMETER, "velocimeter"),
         (mujoco.mjtSensor.mjSENS_MAGNETOMETER, "magnetometer"),
+        (mujoco.mjtSensor.mjSENS_FORCE, "force"),
+        (mujoco.mjtSensor.mjSENS_TORQUE, "torque"),
+        (mujoco.mjtSensor.mjSENS_TOUCH, "touch"),
         (mujoco.mjtSensor.mjSENS_RANGEFINDER, "rangefinder"),
     )
 }
@@ -76,7 +80,8 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
 
 def _sensors(model: Any, root: int) -> tuple[str, ...]:
     """Kinds of the cameras on a tree, and of the instruments that a model has."""
-    cameras = int(np.count_nonzero(model.body_rootid[model.cam_bodyid] == root))
+    fixed = model.cam_mode == mujoco.mjtCamLight.mjCAMLIGHT_FIXED  # others are a viewer's
+    cameras = int(np.count_nonzero(fixed & (model.body_rootid[model.cam_bodyid] == root)))
     types = (_INSTRUMENTS.get(int(kind)) for kind in model.sensor_type)
     return ("camera",) * cameras + tuple(kind for kind in types if kind)
 

@@ -64,10 +64,15 @@ def read_urdf(robot: Element, file: Path, packages: Packages) -> tuple[Assembly,
     ]
     name = bounds.check_name(robot.get("name") or file.stem, "robot")
     gears = tuple(gear for joint in joints.values() for gear in _gears(joint))
-    # Gazebo's are below <gazebo>, those of the older proposal to URDF at the top.
-    sensors = tuple(sensor.get("type", "other") for sensor in robot.iter("sensor"))
+    sensors = tuple(map(_kind, (*robot.findall("gazebo//sensor"), *robot.findall("sensor"))))
     assembly = Assembly(name=name, bodies=tuple(bodies), gears=gears, sensors=sensors)
     return assembly, list(meshes.read)
+
+
+def _kind(sensor: Element) -> str:
+    """Kind of a sensor of Gazebo's, or of the older proposal to URDF, which is a child's tag."""
+    told = [child.tag for child in sensor if child.tag in ("camera", "ray", "laser")]
+    return sensor.get("type") or (told or ["other"])[0]
 
 
 @dataclass(frozen=True)

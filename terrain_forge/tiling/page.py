@@ -69,8 +69,8 @@ map.addEventListener('wheel',e=>{e.preventDefault();const b=map.getBoundingClien
 closer(Math.exp(-e.deltaY/400),e.clientX-b.left,e.clientY-b.top)},{passive:false});
 let two=null;function pinched(e){if(e.touches.length!==2){two=null;return}e.preventDefault();
 const b=map.getBoundingClientRect(),[p,q]=e.touches,px=(p.clientX+q.clientX)/2-b.left,
-py=(p.clientY+q.clientY)/2-b.top,wide=Math.hypot(p.clientX-q.clientX,p.clientY-q.clientY);
-if(two){x+=px-two[0];y+=py-two[1];closer(wide/two[2],px,py)}two=[px,py,wide]}
+py=(p.clientY+q.clientY)/2-b.top,apart=Math.hypot(p.clientX-q.clientX,p.clientY-q.clientY);
+if(two){x+=px-two[0];y+=py-two[1];closer(apart/two[2],px,py)}two=[px,py,apart]}
 for(const name of ['touchstart','touchmove','touchend','touchcancel'])
 map.addEventListener(name,pinched,{passive:false});
 let held=null;map.addEventListener('pointerdown',e=>{
@@ -82,7 +82,9 @@ if(c>=0&&r>=0&&c<columns&&r<rows)told.textContent=
 `${((c-columns/2)*spacing).toFixed(1)} m east, ${((r-rows/2)*spacing).toFixed(1)} m north, `+
 `tiles/${pad(Math.floor(r/cells))}/${pad(Math.floor(c/cells))}`;
 if(held){x=e.clientX-held[0];y=e.clientY-held[1];draw()}});
-map.addEventListener('pointerup',()=>held=null);addEventListener('resize',fit);fit();
+for(const name of ['pointerup','pointercancel'])map.addEventListener(name,()=>held=null);
+let wide=0;function resized(){if(map.clientWidth!==wide){wide=map.clientWidth;fit()}}
+addEventListener('resize',resized);resized();
 """
 
 
@@ -134,7 +136,7 @@ def _map(order: TileOrder, paths: Sequence[Trajectory]) -> str:
     }  # fmt: skip
     told = " ".join(f'data-{name}="{value!r}"' for name, value in data.items())
     return (
-        f'<h2>Map</h2><div id="map" role="img" aria-label="Map of the site from above" {told}>'
+        f'<h2>Map</h2><div id="map" role="group" aria-label="Map of the site from above" {told}>'
         f'<div id="plane"><img src="{PICTURE}" alt="" width="{grid.columns}" '
         f'height="{grid.rows}">{_lines(order, paths)}</div><div id="closer">'
         '<button id="out" aria-label="Farther">−</button>'

@@ -10,3 +10,4 @@ from .series import Worlds as Worlds
 from .series import name_of as name_of
 from .series import read_summary as read_summary
 from .series import worlds as worlds
+from .series import worlds_in as worlds_in

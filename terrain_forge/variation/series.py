@@ -153,7 +153,7 @@ def worlds(
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
         for n in sorted({*range(count)} - {*missing}):
             _require_whole(out / name_of(n))
-        for world in _worlds_in(out):  # the table lists them all in the end
+        for world in worlds_in(out):  # the table lists them all in the end
             read_summary(world)
         if missing:
             compile_ahead(progress)
@@ -168,7 +168,7 @@ def worlds(
             progress("worlds", share_done / len(missing))
         drop_unshared(out / POOL)
         folders = tuple(out / name_of(n) for n in range(count) if n not in failed)
-        there = _worlds_in(out)
+        there = worlds_in(out)
         _write_table(out, there)
     return Worlds(
         directory=out,
@@ -190,8 +190,8 @@ def name_of(number: int) -> str:
     return f"{number:05}"
 
 
-def _worlds_in(out: Path) -> tuple[Path, ...]:
-    """The folders of all worlds that lie in a folder of worlds, by their numbers."""
+def worlds_in(out: Path) -> tuple[Path, ...]:
+    """The folders of all worlds that lie whole in a folder of worlds, by their numbers."""
     found = (path.parent for path in out.glob(f"*/{SUMMARY}"))
     numbered = (path for path in found if _NUMBER.fullmatch(path.name))
     return tuple(sorted(numbered, key=lambda path: int(path.name)))

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from terrain_forge.base import Array, linear_from_srgb, portable, srgb_from_linear
+from terrain_forge.base import Array, length_text, linear_from_srgb, portable, srgb_from_linear
 from terrain_forge.dtm import far_heights
 from terrain_forge.model import Horizon, Mesh, Site
 from terrain_forge.terrain.horizon.border import Border
@@ -99,14 +99,10 @@ def shape_horizon(
 def _told(site: Site, reach: float, followed: float) -> str:
     sources = dict.fromkeys(level.source for level in site.surroundings)
     if not followed:
-        return f"level ground out to {_length(reach)}: no heights were read beyond the site"
+        return f"level ground out to {length_text(reach)}: no heights were read beyond the site"
     told = f"heights of {', '.join(sources) or 'the DTM around the site'} out to"
-    told += f" {_length(followed)}"
-    return told if followed >= 0.9 * reach else f"{told}, then level out to {_length(reach)}"
-
-
-def _length(metres: float) -> str:
-    return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{metres:.3g} m"
+    told += f" {length_text(followed)}"
+    return told if followed >= 0.9 * reach else f"{told}, then level out to {length_text(reach)}"
 
 
 def _reach(site: Site, border: Border) -> float:

@@ -61,13 +61,33 @@ def test_sensors_of_its_file_are_said_not_to_be_read(tub, tmp_path):
         f"<gazebo reference='base'><sensor name='{n}' type='{kind}'/></gazebo>"
         for n, kind in enumerate(("camera", "imu", "camera", "\x9b31m"))
     )
+    sensors += "<sensor name='scan'><parent link='base'/><ray/></sensor>"
+    sensors += "<ros2_control><sensor name='again'/></ros2_control>"
     file = tmp_path / "rover.urdf"
     file.write_text(tub.read_text().replace("</robot>", f"{sensors}</robot>"), encoding="utf-8")
     mine = FileRover(file=file.name, packages={"tub": str(tub.parents[1])})
     lines = check(recipe(rover=mine), folder=tmp_path)
     notes = [line.split(maxsplit=1)[1] for line in lines if line.startswith("  note")]
     assert notes[0].startswith("Axes turned about")
-    assert notes[1].endswith("the recipe's `sensors` add some: 2 camera, 1 imu, 1 other.")
+    assert notes[1].endswith("the recipe's `sensors` add some: 2 camera, 1 imu, 1 other, 1 ray.")
+
+
+def test_sensors_of_an_mjcf_are_said_not_to_be_read(tmp_path):
+    wheels = "".join(
+        f"<body pos='{x} {y} -.1'><joint name='wheel{x}{y}' axis='0 1 0'/>"
+        "<geom type='cylinder' size='.12 .04' zaxis='0 1 0'/></body>"
+        for x in (-0.2, 0.2)
+        for y in (-0.25, 0.25)
+    )
+    (tmp_path / "rover.xml").write_text(
+        "<mujoco><worldbody><camera name='stage'/><body><freejoint/><geom type='box' "
+        "size='.3 .2 .08'/><site name='s'/><camera name='eye'/><camera mode='trackcom'/>"
+        f"{wheels}</body></worldbody><sensor><gyro site='s'/><touch site='s'/>"
+        "<jointpos joint='wheel0.20.25'/></sensor></mujoco>"
+    )
+    lines = check(recipe(rover=FileRover(file="rover.xml")), folder=tmp_path)
+    (note,) = (line for line in lines if line.startswith("  note"))
+    assert note.endswith("the recipe's `sensors` add some: 1 camera, 1 gyro, 1 touch.")
 
 
 def test_sizes_of_another_unit_and_beyond_the_site_are_warned_of(tub, tmp_path):

@@ -11,7 +11,7 @@ import rasterio
 from scipy.ndimage import gaussian_filter, uniform_filter
 
 from terrain_forge.base import stage_key
-from terrain_forge.dtm import ArrayDtm, site_warnings, survey
+from terrain_forge.dtm import ArrayDtm, site_survey, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.matcher_windows import Window as MatcherWindow
 from terrain_forge.dtm.noise_floor import find_noise
@@ -89,6 +89,19 @@ def test_smooth_ground_beside_rough_stays_smooth(deviation, window):
         for lag in LAGS:  # the smooth part was 1.4 to 2.1 times too rough
             rough = rms_deviation(found[part], lag) / rms_deviation(truth[part], lag)
             assert rough == pytest.approx(1.0, abs=0.3)
+
+
+def test_what_is_not_measured_does_not_tell_how_rough_the_ground_is(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        site_survey, "denoised", lambda heights, _, __, trusted: asked.append(trusted) or heights
+    )
+    noisy = clean() + matcher_noise(clean().shape, 0.35, 3)
+    noisy[90:110, 90:110] = noisy[90:110, 90:110].mean()  # a plane, which was filled in
+    planned(noisy, 2.0, noise=0.35)
+    assert asked[0].shape == noisy.shape
+    assert not asked[0][92:108, 92:108].any()
+    assert asked[0].mean() > 0.9
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")

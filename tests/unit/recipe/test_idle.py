@@ -102,12 +102,6 @@ def test_a_key_that_contradicts_others_is_refused_even_with_its_default(tmp_path
     assert str(error.value).startswith(f"{tmp_path}/recipe.yaml:5: {key}: has no effect: ")
 
 
-def test_tiles_have_nothing_close(tmp_path):
-    exports = "exports: {usd: {close_within_m: 2}}\ntiles: {size_m: 16}"
-    with pytest.warns(RecipeWarning, match=r"close_within_m: .*: tiles of a site have none"):
-        load(tmp_path, f"{PLAIN}{PATH}{exports}")
-
-
 def test_an_idle_key_of_the_command_line_is_told_as_it_was_given(tmp_path):
     path = tmp_path / "recipe.yaml"
     path.write_text(PLAIN)

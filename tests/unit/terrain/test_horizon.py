@@ -12,7 +12,8 @@ import rasterio
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from terrain_forge.base import DataError, RecipeError
+from terrain_forge.base import DataError, RecipeError, length_text
+from terrain_forge.building import site_lines
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm, followed_to
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import World
@@ -93,8 +94,16 @@ def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hill
     assert np.abs(found - wanted)[near].max() < 0.3
     assert np.abs(found - wanted).max() < 4.0  # the rings are 10 % apart, the hills 20 m high
     assert 3500.0 < horizon.followed < 4020.0
-    assert followed_to(site) == pytest.approx(horizon.followed, rel=0.15), "what `check` tells"
+    assert followed_to(site) == pytest.approx(horizon.followed, rel=0.1)
+    assert f"out to {length_text(followed_to(site))} (fine.tif)" in "".join(site_lines(site, ()))
     assert "level" in horizon.told
+
+
+@pytest.mark.parametrize("reach", [0.5, 100.0, 2000.0])
+def test_heights_are_told_no_farther_than_the_horizon_is_to_reach(site_in_hills, reach):
+    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
+    site = plan(recipe(dtm, HorizonSpec(reach_m=reach)), folder=site_in_hills)
+    assert followed_to(site) == pytest.approx(reach)
 
 
 def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):

@@ -245,6 +245,8 @@ def test_the_map_is_whole(built):
     page = (built / "report.html").read_text()
     assert 'src="map.png"' in page
     assert "6 tiles" in page
+    for action in ("touchmove", "pointercancel", 'id="in"', 'id="out"', 'class="wide"'):
+        assert action in page
 
 
 @pytest.mark.slow

@@ -37,6 +37,16 @@ def usd_ground(site: Path, row: int, column: int, level: str):
     return points, np.array(mesh.GetNormalsAttr().Get())
 
 
+def test_coarse_usd_tiles_shade_smoothly_within(built):
+    spread = {}
+    for level in ("full", "sixteenth"):
+        points, normals = usd_ground(built, 0, 0, level)
+        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+        inside = ((points[:, :2] > low + 0.01) & (points[:, :2] < high - 0.01)).all(axis=1)
+        spread[level] = normals[inside, :2].std(axis=0)
+    assert np.all(spread["sixteenth"] < 0.7 * spread["full"])
+
+
 @pytest.mark.parametrize(("one", "other"), list(product(LEVELS, LEVELS)))
 def test_usd_tiles_meet_at_any_levels(built, one, other):
     """Points and normals along a border are the same numbers from both sides."""
