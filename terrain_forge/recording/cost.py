@@ -20,15 +20,15 @@ _INERTIAL = "imu", "inclinometer"
 """Kinds that measure the motion's second derivatives."""
 _BEYOND = 200.0
 """A rate so many times the highest frequency of a motion is far above it."""
-VIEW, PIXEL, COLOURED = 0.016, (5.5e-7, 0.45), 1.2
+VIEW, PIXEL, COLOURED = 0.022, (6e-7, 0.45), 1.5
 """Processor time of a look of a camera [s], and of each of its pixels, with the bytes of a grey one
 of 8 bits; and by how much it is longer in colour. On the machine of `building.calibrated`, as all
 times here; scenes differ by half."""
-CHANNEL = 1.2e-7, 0.7
+CHANNEL = 7e-8, 0.7
 """Processor time and bytes that a further channel takes for each pixel."""
 EYES = "disparity", "occlusion"
 """Channels that disparity is for each eye: it, and what the other one does not see."""
-SWEEP, RAY, POINT = 0.004, 2e-7, 15.0
+SWEEP, RAY, POINT = 0.004, 2.8e-7, 15.0
 """Processor time of a sweep and of each of its rays [s], and bytes of its point, of which about
 half come back."""
 ROW = 1e-6, 130.0
