@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ VERSION = 1
 """Of the layout, as dataset.json says."""
 MAV = "mav0"
 _TRUTH = f"{MAV}/state_groundtruth_estimate0"
+_TABLE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,60}")
 _MOST = 2**24
 
 
@@ -157,7 +159,16 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
     instrument = folder.instrument
     assert isinstance(instrument, Frames)
     numbers = np.searchsorted(instrument.times, times).tolist()
-    for name, columns in instrument.tables(numbers).items():
+    what = f"instrument {instrument.kind!r}: tables"
+    with returning(instrument, what, "finite numbers of each measurement, by names of its tables"):
+        tables = {name: {**columns} for name, columns in instrument.tables(numbers).items()}
+        for name, columns in tables.items():
+            if not _TABLE.fullmatch(name) or name == "data":
+                raise ValueError(f"found a table called {name!r}")
+            for column, values in columns.items():
+                columns[column] = np.asarray(values)
+                _require_column(column, columns[column], len(times))
+    for name, columns in tables.items():
         store.put(f"{place}/{name}.csv", written(table(columns, times + EPOCH)))
     return times
 

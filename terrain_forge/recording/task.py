@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from terrain_forge.base import in_turn, worker_threads
+from terrain_forge.base import in_turn, returning, worker_threads
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.index import file_name, recorded_spans
 from terrain_forge.recording.order import Order, Spans, joined, within
@@ -19,6 +19,7 @@ from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.store import Store
 from terrain_forge.sensors import Frames, Series, Setting, check_mounts, instruments_of
 
+_MEASURED = "the bytes of a file for each of its streams"
 _AHEAD = 2
 """Measurements that wait to be written, for each that is made."""
 
@@ -32,9 +33,20 @@ class Task(NamedTuple):
     """Of the folder's measurements."""
 
     def measure(self) -> dict[str, bytes]:
-        """Its files' contents by the names of their streams."""
-        instrument = cast(Frames, self.folder.instrument)
-        return instrument.measure(self.number * self.folder.every)
+        """Its files' contents by the names of their streams, judged.
+
+        Raises:
+            PluginError: if another package's instrument returns anything else.
+        """
+        instrument, wanted = cast(Frames, self.folder.instrument), {*self.folder.streams}
+        with returning(instrument, f"instrument {instrument.kind!r}: measure", _MEASURED):
+            made = instrument.measure(self.number * self.folder.every)
+            if {*made} != wanted:
+                raise ValueError(f"found {sorted(map(str, made))}, and its streams are {wanted}")
+            for name, content in made.items():
+                if not isinstance(content, bytes | bytearray | memoryview):
+                    raise TypeError(f"found {type(content).__name__} for {name!r}")
+        return made
 
     @property
     def names(self) -> dict[str, str]:

@@ -14,7 +14,7 @@ from terrain_forge.datasets import DatasetWriter, dataset_kinds, format_size
 from terrain_forge.model import sensor_kinds
 from terrain_forge.recording import formats as formats_file
 from terrain_forge.rovers import find_rover
-from terrain_forge.sensors import Series, Stream
+from terrain_forge.sensors import Frames, Series, Stream
 from terrain_forge.sensors import instrument as instrument_file
 from tests.helpers import worlds
 
@@ -33,6 +33,26 @@ class Heights(Series):
 
     def samples(self):
         return self.answer(len(self.times))
+
+
+class Files(Frames):
+    """A file for each measurement with a table beside them, or what a test puts there."""
+
+    kind, folder = "imu", "imu"
+    answer = staticmethod(lambda: {"data": b"x"})
+    table = staticmethod(lambda count: {"wear": {"wear []": np.zeros(count)}})
+
+    def streams(self):
+        return (Stream(name="data", suffix=".bin", figures={}),)
+
+    def calibration(self):
+        return {}
+
+    def measure(self, number):
+        return self.answer()
+
+    def tables(self, numbers):
+        return self.table(len(numbers))
 
 
 class Notes(DatasetWriter):
@@ -60,7 +80,7 @@ def _fakes(monkeypatch):
 
 @pytest.fixture(scope="module")
 def world():
-    sensors = (sensor_kinds()["imu"](name="imu", rate_hz=10),)
+    sensors = (sensor_kinds()["imu"](name="imu", rate_hz=10, position_m=(0.0, 0.0, 1.5)),)
     return worlds.world(rover=find_rover("skid4").replace(sensors=sensors))
 
 
@@ -100,6 +120,42 @@ def test_a_list_of_numbers_is_a_column(world, tmp_path, monkeypatch):
     rows = (folder / "mav0" / "imu0" / "data.csv").read_text().splitlines()
     assert rows[0] == "#timestamp [ns],height [m]"
     assert [row.split(",")[1] for row in rows[1:]] == [str(n) for n in range(len(rows) - 1)]
+
+
+FILES = {
+    "none": (lambda: None, "'NoneType' object is not iterable"),
+    "text": (lambda: {"data": "x"}, "found str for 'data'"),
+    "other": (lambda: {"date": b"x"}, "found ['date'], and its streams are {'data'}"),
+    "more": (lambda: {"data": b"", "b": b""}, "found ['b', 'data'], and its streams are {'data'}"),
+}
+TABLES = {
+    "beside": (lambda count: {"../../x": {"a": np.zeros(count)}}, "found a table called '../../x'"),
+    "the list": (lambda count: {"data": {"a": np.zeros(count)}}, "found a table called 'data'"),
+    "short": (lambda count: {"wear": {"a": [1.0]}}, "found shape (1,) of 'a', not ("),
+    "text": (lambda count: {"wear": {"a": ["b"] * count}}, "found <U1 in 'a'"),
+    "none": (lambda count: None, "'NoneType' object has no attribute 'items'"),
+}
+
+
+@pytest.mark.parametrize(
+    ("part", "answer", "found"),
+    [
+        *(("answer", *FILES[name]) for name in FILES),
+        *(("table", *TABLES[name]) for name in TABLES),
+    ],
+    ids=[*(f"file {name}" for name in FILES), *(f"table {name}" for name in TABLES)],
+)
+def test_files_and_tables_that_are_none_are_the_instrument_s_fault(
+    world, tmp_path, monkeypatch, part, answer, found
+):
+    monkeypatch.setattr(instrument_file, "instrument_kinds", lambda: {"imu": Files})
+    called = {"answer": "measure", "table": "tables"}[part]
+    assert tf.record(world, tmp_path / "right", end=0.5).folder.is_dir()
+    monkeypatch.setattr(Files, part, staticmethod(answer))
+    told = rf"instrument 'imu': {called} \({__name__}\) must return .*: {re.escape(found)}"
+    with pytest.raises(PluginError, match=told):
+        tf.record(world, tmp_path / "wrong", end=0.5)
+    assert not (tmp_path / "x.csv").exists()
 
 
 @pytest.mark.parametrize("told", [np.nan, np.inf, -1, "10", None])
