@@ -20,7 +20,7 @@ Rectangle = tuple[float, float, float, float]
 SIZE, EAST, NORTH, PROTOTYPE, YAW, BURIED, RETRY, KEEP = range(8)
 """What is drawn for a rock: the last word of its address."""
 
-_ROCKS_PER_CELL = 200.0
+_ROCKS_PER_CELL, _FEWEST_PER_CELL = 200.0, 1e-3
 _DIAMETERS_PER_CELL = 40.0
 _RADII_PER_CELL = 3.0
 _RINGS = 3
@@ -119,6 +119,8 @@ def divide(
     wide = _DIAMETERS_PER_CELL * diameter
     if density * wide**2 > _ROCKS_PER_CELL:
         wide = (_ROCKS_PER_CELL / density) ** 0.5
+    elif density * wide**2 < _FEWEST_PER_CELL:  # a few rocks of a micrometre, and cells as small
+        wide = (_FEWEST_PER_CELL / density) ** 0.5 if density > 0.0 else max(site.size)
     wider = _RADII_PER_CELL * largest
     drawing = _divide(site, wide, density, radius, local)
     return drawing, drawing if wide >= wider else _divide(site, wider, density, radius, local)

@@ -5,6 +5,7 @@ from scipy.stats import chi2, kstest, norm
 from terrain_forge.base import RecipeError
 from terrain_forge.model import Window
 from terrain_forge.rocks import (
+    Exponential,
     Golombek,
     LibrarySpec,
     PopulationSpec,
@@ -160,6 +161,19 @@ def test_any_window_equals_the_cut_of_the_whole(size, kinds):
         window = Window(column=column, row=0, columns=across, rows=rows_)
         lost += run(place, *kinds, window=window).unplaced
     assert tuple(lost) == whole.unplaced
+
+
+def test_sizes_that_hardly_any_rock_has_take_no_memory():
+    """A law that is level towards small sizes: cells were as small as its smallest rocks."""
+    law = Exponential(number_per_m2=2.0, decay_per_m=5.0)
+    stones = PopulationSpec(name="stones", size_frequency=law, diameter_m=(1e-6, 0.5))
+    place = site((5.0, 4.0))
+    numbers = [len(run(place.replace(seed=seed), stones).id) for seed in range(40)]
+    expected = (law.cumulative_number(1e-6) - law.cumulative_number(0.5)) * 20.0
+    assert np.mean(numbers) == pytest.approx(expected, abs=5.0 * np.sqrt(expected / 40))
+    whole, window = run(place, stones), Window(column=3, row=3, columns=20, rows=12)
+    part = run(place, stones, window=window)
+    assert {*part.id.tolist()} <= {*whole.id.tolist()}
 
 
 def test_small_windows_need_little_of_a_large_site():
