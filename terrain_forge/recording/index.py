@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import __version__
-from terrain_forge.base import read_text, returning, to_plain
+from terrain_forge.base import read_text, reading, returning, to_plain
 from terrain_forge.recipe import DatasetSpec
 from terrain_forge.recording.order import Spans, joined, within
 from terrain_forge.recording.rig import Folder, body_of, from_body
@@ -43,11 +43,19 @@ def file_name(folder: Folder, stream: str, time: int) -> str:
 
 
 def recorded_spans(store: Store) -> dict[str, Spans]:
-    """What a recording that lies there holds of each sensor, by the sensors' names."""
+    """What a recording that lies there holds of each sensor, by the sensors' names.
+
+    Raises:
+        DataError: if its index is damaged.
+    """
     if not store.holds(INDEX):
         return {}
-    text = read_text(store.folder / INDEX, INDEX, most=_MOST)
-    return {name: joined(tuple(map(tuple, s))) for name, s in json.loads(text)["spans_ns"].items()}
+    with reading(INDEX):
+        spans = json.loads(read_text(store.folder / INDEX, INDEX, most=_MOST))["spans_ns"]
+        return {
+            name: joined(tuple((int(first), int(end)) for first, end in parts))
+            for name, parts in spans.items()
+        }
 
 
 def whole_times(folder: Folder, store: Store) -> NDArray[np.int64]:

@@ -245,6 +245,17 @@ def test_what_was_killed_goes_on_where_it_was(whole, world, tmp_path, monkeypatc
     assert files(result.folder) == files(folder)
 
 
+@pytest.mark.parametrize("wrong", ['"spans_ns"= ', '"spans_nt": ', '"spans_ns":0'])
+def test_a_damaged_index_is_told_in_a_line(whole, world, tmp_path, wrong):
+    shutil.copytree(whole[0], tmp_path / "out" / "dataset")
+    index = tmp_path / "out" / "dataset" / "dataset.json"
+    text = index.read_text()
+    assert text.count('"spans_ns": ') == 1
+    index.write_text(text.replace('"spans_ns": ', wrong))
+    with pytest.raises(DataError, match=r"^dataset\.json cannot be read: "):
+        tf.record(world, tmp_path / "out", workers=1)
+
+
 def test_a_part_has_the_bytes_of_the_whole_and_parts_add_up(whole, world, tmp_path):
     folder, _ = whole
     wanted = files(folder)
