@@ -87,12 +87,12 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     files, losses = [Path("world.glb")], _losses(world, coarse, options)
     if options.pebbles_min_m > 0.0:
         laid = path_pebbles(world, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
+        beside = ""
         if len(laid):
             write_pebbles(world, laid, directory / FILE)
             files.append(Path(FILE))
-            losses = (*losses, f"{len(laid)} pebbles are in {FILE}, which trimesh cannot read.")
-        else:
-            losses = (*losses, pebbles_loss(0, options.pebbles_within_m))
+            beside = f" They are in {FILE}, which trimesh cannot read."
+        losses = (*losses, f"{pebbles_loss(len(laid), options.pebbles_within_m)}{beside}")
     report = ExportReport(files=tuple(files), losses=losses)
     return with_horizon_loss(report, world.horizon, shown=options.horizon)
 

@@ -170,13 +170,17 @@ def _unevenness(
     for _ in range(4):
         total, weight = np.zeros(shape), np.zeros(shape)
         for squared, ground, noise in bands:
-            known = _known(power, ground, noise)
-            total += (squared - noise) * ground / known
-            weight += ground**2 / known
+            square_error = _square_error(power, ground, noise)
+            total += (squared - noise) * ground / square_error
+            weight += ground**2 / square_error
         power = np.clip(total / weight, _MOST**-2.0, _MOST**2.0)
     # Ground that is alike everywhere seems to vary too, by what bands, which overlap, are off by.
     parts = [
-        (ground**2, ground * math.sqrt(2.0 / _FREE) * (ground + noise), _known(1.0, ground, noise))
+        (
+            ground**2,
+            ground * math.sqrt(2.0 / _FREE) * (ground + noise),
+            _square_error(1.0, ground, noise),
+        )
         for _, ground, noise in bands
     ]
     by_chance = float((sum(b / c for _, b, c in parts) / sum(a / c for a, _, c in parts)) ** 2)
@@ -186,14 +190,17 @@ def _unevenness(
     return np.asarray(np.clip(rough, 1.0 / _MOST, _MOST))
 
 
-def _known(power: float | Array, ground: float, noise: float) -> Array:
+def _square_error(power: float | Array, ground: float, noise: float) -> Array:
     """Mean square error of a band's mean square in its window, where ground has a power."""
     chance = 2.0 / _FREE * (power * ground + noise) ** 2
     return np.asarray(chance + (_UNSURE[0] * noise) ** 2 + (_UNSURE[1] * power * ground) ** 2)
 
 
 def _smoothed(values: Array, width: float) -> Array:
-    """Means over a Gaussian window of a width [posts], mirrored at the border."""
+    """Means over a Gaussian window of a width [posts], mirrored at the border.
+
+    By cosines, which cost the same for windows of tens of posts.
+    """
     from scipy.fft import dctn, idctn
 
     waves = dctn(values, norm="ortho", workers=1)

@@ -300,13 +300,12 @@ def followed_to(site: Site) -> float:
         around = ((east + away) * _AROUND[0], (north + away) * _AROUND[1])
         return bool(np.mean(far_heights(site, *around)[1] > 0.99) > 0.5)
 
-    told, beyond = 0.0, reach
-    for away in portable.geomspace(min(1.0, reach), reach, _DISTANCES).tolist() if reach else ():
-        if is_told(away):
-            told, beyond = away, reach
-        elif beyond == reach:
-            beyond = away
-    for _ in range(_HALVINGS if told < beyond else 0):
+    if not reach:
+        return 0.0
+    distances = portable.geomspace(min(1.0, reach), reach, _DISTANCES).tolist()
+    told = max(filter(is_told, distances), default=0.0)
+    beyond = min((away for away in distances if away > told), default=told)
+    for _ in range(_HALVINGS):
         middle = 0.5 * (told + beyond)
         told, beyond = (middle, beyond) if is_told(middle) else (told, middle)
     return told

@@ -143,18 +143,19 @@ def level_faces(
     kept[ring] = kept[:, ring] = True
     index = np.full(kept.shape, -1, np.int32)
     index[kept] = np.arange(np.count_nonzero(kept), dtype=np.int32)
-    found = [_halves(index[np.ix_(down, across)], slice(None) if stride == 1 else slice(1, -1))]
+    corners = index[np.ix_(down, across)]
+    found = [_halves(corners if stride == 1 else corners[1:-1, 1:-1])]
     if stride > 1:
         found.append(np.array(list(_fans(index, down, across)), np.int32).reshape(-1, 3))
         strips = index[:2], index[-2:], index[1:-1, :2], index[1:-1, -2:]
-        found += [_halves(strip, slice(None)) for strip in strips]
+        found += map(_halves, strips)
     return np.flatnonzero(kept), np.concatenate(found)
 
 
-def _halves(corners: NDArray[np.int32], inside: slice) -> NDArray[np.int32]:
-    """Two faces for each cell between nodes, of those in some rows and columns of cells."""
-    southwest, southeast = corners[:-1, :-1][inside, inside], corners[:-1, 1:][inside, inside]
-    northwest, northeast = corners[1:, :-1][inside, inside], corners[1:, 1:][inside, inside]
+def _halves(corners: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Two faces for each cell between nodes, shape of these [rows, columns]."""
+    southwest, southeast = corners[:-1, :-1], corners[:-1, 1:]
+    northwest, northeast = corners[1:, :-1], corners[1:, 1:]
     parts = (southwest, southeast, northeast, southwest, northeast, northwest)
     return np.stack(parts, axis=-1).reshape(-1, 3)
 

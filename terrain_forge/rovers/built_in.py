@@ -9,7 +9,7 @@ import json
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, field, make_dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -44,6 +44,8 @@ _KEY = ("rover",)
 _RESERVED = {"file", "name"}
 _log = logging.getLogger(__name__)
 _adapter = cache(TypeAdapter)
+_made: dict[str, type] = {}
+"""The classes that are made here, by their names, for pickle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,44 +119,17 @@ class GrouserSpec(Spec):
     radius: bars on hard ground jolt as they would on rock."""
 
 
-class _Dimensions(Spec):
-    """What a recipe may say about the lengths, masses and limits of a rover of our own."""
-
-    ROVER: ClassVar[str]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _dimensions_of, (self.ROVER, _values(self))
-
-
-def _values(spec: Any) -> dict[str, Any]:
-    return {one.name: getattr(spec, one.name) for one in fields(spec)}
-
-
-def _spec_of(rover: str, values: dict[str, Any]) -> BuiltInRover:
-    """Options of a rover that were pickled: their class is made by each process."""
-    return built_in_rovers()[rover](**values)
-
-
-def _dimensions_of(rover: str, values: dict[str, Any]) -> Any:
-    """Dimensions that were pickled."""
-    return built_in_rovers()[rover].DIMENSIONS(**values)
-
-
 @dataclass(frozen=True, kw_only=True)
 class BuiltInRover(RoverSpec):
     """What a recipe may say about a rover of our own."""
 
     FILE: ClassVar[Path]
     DESCRIPTION: ClassVar[Description]
-    DIMENSIONS: ClassVar[type[_Dimensions]]
 
     model: Literal["detailed", "simplified"] = "simplified"
     """How it looks; masses, inertias and what physics touches are the same."""
     grousers: GrouserSpec | None = None
     """Bars across the wheels' treads; without it they are smooth."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _spec_of, (self.FILE.stem, _values(self))
 
 
 @cache
@@ -186,14 +161,11 @@ def _spec_type(file: Path) -> type[BuiltInRover]:
     if told.dimensions:
         made = [(name, one.annotation(), one.default) for name, one in told.dimensions.items()]
         text = "Lengths, masses and limits"
-        kind = _make(f"{title}Dimensions", _Dimensions, made, f"{text} of {file.stem}.")
+        kind = _make(f"{title}Dimensions", Spec, made, f"{text} of {file.stem}.")
         dimensions = Annotated[kind, Field(description=f"{text}.")]  # type: ignore[valid-type]
         options.append(("dimensions", dimensions, field(default_factory=kind)))
-        kind.ROVER = file.stem
     spec: type[BuiltInRover] = _make(f"{title}Spec", BuiltInRover, options, told.text)
     spec.FILE, spec.DESCRIPTION = file, told
-    if told.dimensions:
-        spec.DIMENSIONS = kind
     return spec
 
 
@@ -201,7 +173,17 @@ def _make(name: str, base: type, options: list[tuple[str, Any, Any]], text: str)
     told: dict[str, object] = {"use_attribute_docstrings": False}  # they are no source code
     space: dict[str, Any] = {"__doc__": text, "__module__": __name__}
     space["__pydantic_config__"] = Spec.__pydantic_config__ | told
-    return make_dataclass(name, options, bases=(base,), namespace=space, frozen=True, kw_only=True)
+    made = make_dataclass(name, options, bases=(base,), namespace=space, frozen=True, kw_only=True)
+    _made[name] = made
+    return made
+
+
+def __getattr__(name: str) -> Any:
+    """A class that is made here; where one is unpickled, another process made it."""
+    built_in_rovers()
+    if name in _made:
+        return _made[name]
+    raise AttributeError(name)
 
 
 def _describe(file: Path) -> Description:

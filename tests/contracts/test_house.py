@@ -252,7 +252,7 @@ def specs(hint):
     for part in get_args(hint):
         yield from specs(part)
     if isinstance(hint, type) and is_dataclass(hint):
-        if hasattr(sys.modules[hint.__module__], hint.__name__):
+        if hint.__name__ in vars(sys.modules[hint.__module__]):
             yield hint
         hints = get_type_hints(hint, include_extras=True)
         for one in fields(hint):

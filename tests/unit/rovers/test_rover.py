@@ -101,7 +101,7 @@ def test_each_wheel_carries_about_the_same_load():
 def test_a_choice_survives_pickling(name):
     spec = built_in_rovers()[name]
     some, value = next(iter(spec.DESCRIPTION.dimensions.items()))
-    mine = spec(step_limit_m=0.1, dimensions=spec.DIMENSIONS(**{some: value.default}))
+    mine = spec(step_limit_m=0.1, dimensions=type(spec().dimensions)(**{some: value.default}))
     assert pickle.loads(pickle.dumps(mine)) == mine
     assert pickle.loads(pickle.dumps(mine.dimensions)) == mine.dimensions
 
