@@ -98,28 +98,54 @@ def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options
     near = cells_near_paths(tile, within=within)
     patches = list(close_patches(tile, near, within=within, largest=options.texture_pixels))
     if normals or patches:
-        # Unit vectors along the surface to the east, and 1: u, v and normal are right-handed.
-        length = np.hypot(upright[:, 0], upright[:, 2])
-        east, up = upright[:, 2] / length, -upright[:, 0] / length
-        tangents = np.stack([east, np.zeros_like(east), up, np.ones_like(east)], axis=-1)
-        attributes["TANGENT"] = gltf.add_vertices(tangents)
+        attributes["TANGENT"] = add_tangents(gltf, upright)
     picture = image_rows(bake_tile(tile, options.texture_pixels).rgb)
     texture = gltf.add_texture(encode_png(picture), tiles=False)
     material = gltf.add("materials", matt(name, texture=texture, normals=normals))
-    rest = np.ones((ground.shape[0] - 1) * (ground.shape[1] - 1), np.bool_)
-    primitives = []
-    corners = grid_faces(*ground.shape).reshape(-1, 6) if patches else np.empty((0, 6), np.int32)
-    for patch in patches:
-        rest[patch.cells] = False
-        indices = gltf.add_indices(corners[patch.cells].reshape(-1, 3))
-        look = gltf.add("materials", close_look(patch, gltf, name))
-        primitives.append({"attributes": attributes, "indices": indices, "material": look})
-    if patches:
-        faces = gltf.add_indices(corners[rest].reshape(-1, 3))
-    if rest.any():
-        primitives.append({"attributes": attributes, "indices": faces, "material": material})
+    piece = {"attributes": attributes, "indices": faces, "material": material}
+    primitives = patched(piece, patches, gltf, corners=grid_faces(*ground.shape), name=name)
     mesh = gltf.add("meshes", {"name": name, "primitives": primitives})
     return {"name": name, "mesh": mesh, "translation": corner.tolist()}
+
+
+def add_tangents(gltf: Gltf, upright: NDArray[np.float32]) -> int:
+    """Add tangents of a ground with these normals, which normal maps are laid along."""
+    # Unit vectors along the surface to the east, and 1: u, v and normal are right-handed.
+    length = np.hypot(upright[:, 0], upright[:, 2])
+    east, up = upright[:, 2] / length, -upright[:, 0] / length
+    tangents = np.stack([east, np.zeros_like(east), up, np.ones_like(east)], axis=-1)
+    return gltf.add_vertices(tangents)
+
+
+def patched(
+    piece: dict[str, Any],
+    patches: Sequence[ClosePatch],
+    gltf: Gltf,
+    *,
+    corners: NDArray[np.int32],
+    name: str,
+) -> list[dict[str, Any]]:
+    """A piece of a mesh, the ground of a tile, cut into what is near paths and the rest.
+
+    Args:
+        piece: The whole, with tangents where there are patches.
+        patches: What is near paths.
+        gltf: What pictures and faces are added to.
+        corners: The faces of the whole, by twos for each cell, shape [faces, 3].
+        name: The ground's, for the materials.
+    """
+    if not patches:
+        return [piece]
+    cells, pieces = corners.reshape(-1, 6), []
+    rest = np.ones(len(cells), np.bool_)
+    for patch in patches:
+        rest[patch.cells] = False
+        indices = gltf.add_indices(cells[patch.cells].reshape(-1, 3))
+        look = gltf.add("materials", close_look(patch, gltf, name))
+        pieces.append({**piece, "indices": indices, "material": look})
+    if rest.any():
+        pieces.append({**piece, "indices": gltf.add_indices(cells[rest].reshape(-1, 3))})
+    return pieces
 
 
 def close_look(patch: ClosePatch, gltf: Gltf, name: str) -> dict[str, Any]:

@@ -30,8 +30,8 @@ class Options(Spec):
     close_within_m: NotNegative = 0.0
     """How far from a path ground and rocks are drawn as a camera at 1 m asks for, at most [m]; 0
     for none: the ground by pictures of its own with pixels of 4 mm, or as fine as 2**24 of them
-    reach, rocks of at least 0.25 m by the finer meshes of their shapes. Tiles of a site have
-    none, a part that `cut` makes has."""
+    reach, rocks of at least 0.25 m by the finer meshes of their shapes. Of a site in tiles each
+    tile has as many pixels."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.03
     """Largest error of a smaller rock's outline, as a fraction of its size: how coarse it may
     be."""

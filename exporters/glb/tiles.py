@@ -3,6 +3,7 @@
     OUT/glb/tileset.json                     boxes in boxes, down to the tiles
     OUT/glb/tileset_ROW_COLUMN.json          parts of it, where there are many tiles
     OUT/glb/pebbles_ROW_COLUMN.glb           pebbles near the paths, on demand, in that frame
+    OUT/glb/close_ROW_COLUMN.glb             the finest level of a tile near a path
     OUT/glb/horizon.glb                      what lies beyond the site, in the tileset's frame
     OUT/tiles/ROW/COLUMN/glb/LEVEL.glb       sixteenth, quarter, full: each takes the other's place
 
@@ -13,6 +14,9 @@ whose z axis is up, as 3D Tiles have it. OGC 22-025r4, 3D Tiles Specification 1.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -22,8 +26,12 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, image_rows
 from terrain_forge.geometry import (
+    ClosePatch,
     GroundLevel,
     bake_ground,
+    close_loss,
+    close_patches,
+    close_pixel,
     coarse_shape,
     coloured_parts,
     finest_texture,
@@ -38,7 +46,6 @@ from terrain_forge.geometry import (
     rocks_error,
     shifted,
     tile_anchor,
-    untiled_losses,
 )
 from terrain_forge.model import (
     BuiltTile,
@@ -50,10 +57,10 @@ from terrain_forge.model import (
     TileGrid,
     World,
 )
-from terrain_forge.rocks import require_pebbles, tile_pebbles
+from terrain_forge.rocks import cells_near_paths, require_pebbles, seen_close, tile_pebbles
 from terrain_forge.writers import Gltf, encode_png
 
-from .ground import Z_UP_TO_Y_UP, SharedParts, matt
+from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
 from .options import Options
 from .pebbles import write_pebbles
 
@@ -62,6 +69,7 @@ LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 HORIZON = "horizon.glb"
 _BLOCK = 16
 """Tiles each way of which a tileset has a file of its own, where there are more."""
+_NONE = np.empty(0, np.int32)
 Box = tuple[Array, Array]
 """Lowest and highest corner [m]."""
 
@@ -70,11 +78,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     """Write a tile's levels of detail; returns its place, its levels' errors and their box."""
     anchor = tile_anchor(tile, grid)
     local = shifted(tile.world, anchor)
-    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
-    finer = finest_texture(
-        tile.ground.replace(elevation=np.zeros((side, side), np.float32)), options.texture_pixels
-    )
-    picture = image_rows(bake_ground(tile.world, finer=finer).rgb)
+    picture = _picture(tile, grid, options)
     shapes = tile.whole.library.prototypes
     errors: dict[str, float] = {}
     boxes: list[Box] = []
@@ -106,6 +110,14 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     }
 
 
+def _picture(tile: Tile, grid: TileGrid, options: Options) -> NDArray[np.uint8]:
+    """The picture of a tile's ground, as fine as that of most tiles, rows running south."""
+    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
+    square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
+    finer = finest_texture(square, options.texture_pixels)
+    return image_rows(bake_ground(tile.world, finer=finer).rgb)
+
+
 def _means(picture: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     """The picture with a pixel for each square of them, as far as they are whole."""
     rows, columns = (max(size // step, 1) for size in picture.shape[:2])
@@ -125,26 +137,42 @@ def _write_level(
     shapes: list[Mesh],
     *,
     picture: NDArray[np.uint8],
+    patches: Sequence[ClosePatch] = (),
+    close: NDArray[np.int32] = _NONE,
 ) -> Box:
-    """Write a level of a tile as GLB; returns the box of its vertices."""
+    """Write a level of a tile as GLB; returns the box of its vertices.
+
+    The finest one has `patches` of its ground near paths, and close meshes of the rocks with ids in
+    `close`.
+    """
     shape = tile.ground.shape
     boxes = [_box(level.vertices)]
     with TemporaryFile(dir=path.parent) as binary:
         gltf = Gltf(binary)
         texture = gltf.add_texture(encode_png(picture), tiles=False)
         material = gltf.add("materials", matt("regolith", texture=texture))
+        normals = level_normals(tile, level)
         primitive = gltf.add_primitive(
             level.vertices,
-            level_normals(tile, level),
+            normals,
             gltf.add_indices(level.faces),
             grid_texture_coordinates(*shape)[level.nodes],
         )
         primitive["material"] = material
-        gltf.add("meshes", {"name": "ground", "primitives": [primitive]})
+        if patches:
+            primitive["attributes"]["TANGENT"] = add_tangents(gltf, normals)
+        primitives = patched(primitive, patches, gltf, corners=level.faces, name="ground")
+        gltf.add("meshes", {"name": "ground", "primitives": primitives})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
+        near = np.isin(rocks.id, close)
+        finest = [shape.close or shape.meshes[0] for shape in tile.whole.library.prototypes]
         for population, some in grouped(rocks):
             rgb = lightest_rock_colour(tile.world, population).tolist()
-            parts = coloured_parts(some, shapes, local)
+            fine = near[rocks.population == population]
+            parts = chain(
+                coloured_parts(some.select(~fine), shapes, local),
+                coloured_parts(some.select(fine), finest, local),
+            )
             for number, (vertices, normals, faces, colours) in enumerate(parts):
                 name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
                 places = vertices.astype(np.float32)
@@ -154,17 +182,20 @@ def _write_level(
                 mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
                 nodes.append({"name": name, "mesh": mesh})
                 boxes.append(_box(places))
-        _write_asset(gltf, path, nodes)
+        _write_asset(gltf, path, nodes, transforms=bool(patches))
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
 
-def _write_asset(gltf: Gltf, path: Path, nodes: list[dict[str, Any]]) -> None:
-    """Write meshes of nodes whose z axis is up."""
+def _write_asset(
+    gltf: Gltf, path: Path, nodes: list[dict[str, Any]], *, transforms: bool = False
+) -> None:
+    """Write meshes of nodes whose z axis is up; with `transforms` textures are shifted."""
     root = {"rotation": Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
     gltf.write(
         path,
         nodes=map(json.dumps, [root, *nodes]),
         asset={"version": "2.0", "generator": "terrain-forge"},
+        **({"extensionsUsed": [TRANSFORM]} if transforms else {}),
         scene=0,
         scenes=[{"nodes": [0]}],
     )
@@ -185,7 +216,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     horizon = tiled.world.horizon
     if shown := options.horizon and horizon is not None:
         _write_horizon(horizon, directory / HORIZON)
-    by_place = {(tile.row, tile.column): tile for tile in tiled.tiles}
+    near = _write_near(tiled, directory, options)
+    by_place = {(tile.row, tile.column): near.tiles.get(tile.number, tile) for tile in tiled.tiles}
     many = max(tiled.grid.across, tiled.grid.up) > _BLOCK
     root = _node(by_place, tiled.grid, (0, tiled.grid.up), (0, tiled.grid.across), directory, many)
     _write(directory / "tileset.json", root)
@@ -199,26 +231,68 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
         "Soil and rocks have no maps of fine normals; a rock has one colour, and dust on top.",
-        *untiled_losses(close=options.close_within_m > 0.0),
+        *([close_loss(near.pixel, options.close_within_m)] if near.pixel else []),
         "The tileset lies in the site's own frame, not on a globe.",
         *horizon_losses(horizon, shown=shown),
     ]
     if shown:
         losses.append(f"It is in {HORIZON}, in the tileset's frame; viewers frame all of that.")
-    count = _write_pebbles(tiled, directory, options)
     if options.pebbles_min_m > 0.0:
-        beside = " They are in files beside the tileset." if count else ""
-        losses.append(f"{pebbles_loss(count, options.pebbles_within_m)}{beside}")
+        beside = " They are in files beside the tileset." if near.pebbles else ""
+        losses.append(f"{pebbles_loss(near.pebbles, options.pebbles_within_m)}{beside}")
     return tuple(losses)
 
 
-def _write_pebbles(tiled: TiledSite, directory: Path, options: Options) -> int:
-    """Write a file for the pebbles of each tile, for viewers to add; how many there are."""
-    count, smallest, within = 0, options.pebbles_min_m, options.pebbles_within_m
-    for name, world, pebbles in tile_pebbles(tiled, smallest=smallest, within=within):
-        write_pebbles(world, pebbles, directory / f"{name}.glb")
-        count += len(pebbles)
-    return count
+@dataclass
+class _Near:
+    """What tiles have near paths."""
+
+    tiles: dict[int, BuiltTile] = field(default_factory=dict)
+    """Those with a finest level of their own, by number."""
+    pebbles: int = 0
+    pixel: float = 0.0
+    """The largest of the ground's pictures near paths [m]; 0 without any."""
+
+
+def _write_near(tiled: TiledSite, directory: Path, options: Options) -> _Near:
+    """Write what tiles have near paths, which they were made without."""
+    near, smallest, close = _Near(), options.pebbles_min_m, options.close_within_m
+    reach = max(close, options.pebbles_within_m * (smallest > 0.0))
+    for built, tile in tiled.near_paths(reach):
+        if smallest > 0.0:  # for viewers to add
+            laid = tile_pebbles(tile, smallest=smallest, within=options.pebbles_within_m)
+            if len(laid):
+                path = directory / f"pebbles_{built.row:03}_{built.column:03}.glb"
+                write_pebbles(tile.world, laid, path)
+            near.pebbles += len(laid)
+        name = f"close_{built.row:03}_{built.column:03}.glb"
+        box = _write_close(tile, tiled.grid, directory / name, options)
+        if box:
+            figures = {**built.figures, "box": box, "contents": {"full": name}}
+            near.tiles[tile.number] = replace(built, figures=figures)
+            near.pixel = max(near.pixel, close_pixel(tile.whole, close))
+    return near
+
+
+def _write_close(tile: Tile, grid: TileGrid, path: Path, options: Options) -> list[Any] | None:
+    """Write a tile's finest level as a camera near a path asks for; its box, if it has any path."""
+    within = options.close_within_m
+    patches = tuple(
+        close_patches(
+            tile, cells_near_paths(tile, within=within), within=within,
+            largest=options.texture_pixels,
+        )
+    )  # fmt: skip
+    close = seen_close(tile.world, within=within)
+    if not patches and not close.size:
+        return None
+    local = shifted(tile.world, tile_anchor(tile, grid))
+    shapes = [coarse_shape(one, options.outline_error) for one in tile.whole.library.prototypes]
+    low, high = _write_level(
+        path, tile, local, next(ground_levels(tile, grid, (1,))), local.field, shapes,
+        picture=_picture(tile, grid, options), patches=patches, close=close,
+    )  # fmt: skip
+    return [low.tolist(), high.tolist()]
 
 
 def _write_horizon(horizon: Horizon, path: Path) -> None:
@@ -292,14 +366,14 @@ def _chain(tile: BuiltTile) -> dict[str, Any]:
     """A tile's levels of detail, the coarsest outermost; it lies at its anchor."""
     anchor = np.array(tile.figures["anchor"])
     low, high = (np.array(corner) for corner in tile.figures["box"])
-    node: dict[str, Any] = {}
+    node, contents = dict[str, Any](), tile.figures.get("contents", {})
     for name, error in tile.figures["errors"].items():  # the finest first
         finer = [node] if node else []
         node = {
             "boundingVolume": _volume(low, high),
             "geometricError": max([error, *(part["geometricError"] for part in finer)]),
             "refine": "REPLACE",
-            "content": {"uri": f"{tile.folder}/{name}.glb"},
+            "content": {"uri": contents.get(name, f"{tile.folder}/{name}.glb")},
             **({"children": finer} if finer else {}),
         }
     turned = np.eye(4)

@@ -15,6 +15,7 @@ from terrain_forge.base import ExportError, xyzw
 from terrain_forge.geometry import (
     PLACE_LOSS,
     close_loss,
+    close_pixel,
     detail_loss,
     level_of_detail,
     lightest_rock_colour,
@@ -162,11 +163,11 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
 
 def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[str, ...]:
     """What a GLB, or this export of one, does not say."""
-    detail = world.appearance.detail
+    detail, within = world.appearance.detail, options.close_within_m
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
-        *([close_loss(world, options.close_within_m)] if options.close_within_m > 0.0 else []),
+        *([close_loss(close_pixel(world, within), within)] if within > 0.0 else []),
         "glTF knows no physics: gravity, masses, friction and collision shapes are not in the "
         f"file{', and no rock moves' if world.field.dynamic.any() else ''}.",
         "The Sun's angular size is lost, and of the sky all but one colour."

@@ -37,7 +37,7 @@ class Options(Spec):
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
     close_within_m: NotNegative = 0.0
     """How far from a path single rocks of at least 0.25 m are drawn by the finer meshes of their
-    shapes that a camera at 1 m asks for, at most [m]; 0 for none. Tiles of a site have none."""
+    shapes that a camera at 1 m asks for, at most [m]; 0 for none."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256
     """Cells of the ground's grid per mesh, each way."""
     ground: Literal["mesh", "heightmap"] = "mesh"

@@ -96,10 +96,14 @@ def write_model(
     model.write(title=f"{world.site.name}: rocks", links=links)
 
 
-def write_shapes(world: World, model: Model) -> None:
-    """Write the meshes of all prototypes and the pictures of all populations."""
-    prototypes, both = range(len(world.library.prototypes)), (True, False)
-    kinds = [(prototype, upright, False) for prototype in prototypes for upright in both]
+def write_shapes(world: World, model: Model, *, close: bool) -> None:
+    """Write all prototypes' meshes, those for `close` views too, and all populations' pictures."""
+    kinds = [
+        (number, upright, fine)
+        for number, shape in enumerate(world.library.prototypes)
+        for upright in (True, False)
+        for fine in ((False, True) if close and shape.close else (False,))
+    ]
     _write_meshes(world, model, kinds)
     _write_pictures(world, model, range(len(world.field.populations)))
 

@@ -2,6 +2,7 @@
 
     OUT/sdf/world.sdf                 includes all tiles, with a level for each
     OUT/sdf/rock_shapes/              what the single rocks of all tiles share
+    OUT/sdf/close_ROW_COLUMN/         the model of a tile near a path, in the other's place
     OUT/tiles/ROW/COLUMN/sdf/         the model of a tile
 
 All is found by one resource path, the site's folder: `model://tiles/000/001/sdf`.
@@ -26,6 +27,7 @@ from terrain_forge.geometry import (
     tile_anchor,
 )
 from terrain_forge.model import Tile, TiledSite, TileGrid, World, world_friction
+from terrain_forge.rocks import seen_close
 from terrain_forge.writers import Lines, element, file_name, leaves
 
 from .model import Model
@@ -63,19 +65,27 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
         ExportError: for options that tiles do not have.
     """
     _require_meshes(options)
-    rocks.write_shapes(world, _shapes(directory, directory.name, options))
+    shapes = _shapes(directory, directory.name, options)
+    rocks.write_shapes(world, shapes, close=options.close_within_m > 0.0)
 
 
 def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
     """Write a tile's model; returns where it lies and how large it is."""
+    address = f"{grid.folder(tile.number)}/{directory.name}"
+    return _write_tile(tile, directory, address, grid, directory.name, options)
+
+
+def _write_tile(
+    tile: Tile, folder: Path, address: str, grid: TileGrid, site: str, options: Options
+) -> dict[str, Any]:
+    """Write a tile's model into a folder of that address; `site` is that of what tiles share."""
     anchor, step = tile_anchor(tile, grid), grid.step(tile.ground.spacing)
     world, whole = (_rounded(one, step) for one in (tile.world, tile.whole))
     fixed = world.replace(field=world.field.replace(dynamic=np.zeros(len(world.field), np.bool_)))
     local = Tile(number=0, world=shifted(fixed, anchor), whole=shifted(whole, anchor))
     row, column = grid.place(tile.number)
     name = f"{file_name(whole.site.name)}_{row:03}_{column:03}"
-    address = f"{grid.folder(tile.number)}/{directory.name}"
-    model = _model(directory, address, name, options)
+    model = _model(folder, address, name, options)
     friction = world_friction(whole.site.body, options)
     library = whole.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in library]
@@ -84,10 +94,11 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     finer = finest_texture(square, options.texture_pixels)
     texture = bake_ground(tile.world, finer=finer)
     ground = ground_surface(local, texture, model, options, name="ground")
-    shared = _shapes(directory, directory.name, options)
+    shared = _shapes(folder, site, options)
+    close = frozenset(seen_close(tile.world, within=options.close_within_m).tolist())
     links = [
         element("link", *ground, name="ground"),
-        rocks.write_tile(local, model, friction.rock, coarse, options, shapes=shared),
+        rocks.write_tile(local, model, friction.rock, coarse, options, close=close, shapes=shared),
     ]
     model.write(title=f"{whole.site.name}: tile {row}, {column}", links=links)
     west, south, east, north = tile.ground.bounds
@@ -112,8 +123,10 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     includes: list[Lines] = []
     levels: list[Lines] = []
     buffer = 0.5 * tiled.grid.cells * tiled.site.spacing
+    close = _write_close(tiled, directory, options)
     for tile in tiled.tiles:
-        told, place = tile.figures, tile.folder.removeprefix("../")
+        told = tile.figures
+        place = close.get(tile.number, tile.folder.removeprefix("../"))
         pose = (*told["anchor"], 0, 0, 0)
         uri = leaves(uri=f"model://{place}", name=told["name"], pose=pose)
         includes.append(element("include", *uri))
@@ -138,6 +151,19 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         movers=[*includes, plugin], sensing=False, included=False,
     )  # fmt: skip
     return (*_losses(tiled, options), *horizon_losses(horizon, shown=shown))
+
+
+def _write_close(tiled: TiledSite, directory: Path, options: Options) -> dict[int, str]:
+    """Write the models of tiles whose rocks are seen from close by; their places, by number."""
+    places, within = dict[int, str](), options.close_within_m
+    for built, tile in tiled.near_paths(within):
+        close = tile.field.select(np.isin(tile.field.id, seen_close(tile.world, within=within)))
+        if rocks.is_single(close, options.individual_min_m).any():
+            folder = directory / f"close_{built.row:03}_{built.column:03}"
+            places[tile.number] = f"{directory.name}/{folder.name}"
+            folder.mkdir(exist_ok=True)
+            _write_tile(tile, folder, places[tile.number], tiled.grid, directory.name, options)
+    return places
 
 
 def _losses(tiled: TiledSite, options: Options) -> list[str]:

@@ -68,18 +68,23 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
-    near = cells_near_paths(tile, within=options.close_within_m)
-    patches = close_patches(
-        tile, near, within=options.close_within_m, largest=options.texture_pixels
-    )
-    looks = [
-        (patch.cells, write_patch(stage, patch, assets, name, friction.ground)) for patch in patches
-    ]
-    bind_faces(stage, mesh, tile, options, looks)
+    bind_faces(stage, mesh, tile, options, write_patches(stage, tile, assets, name, options))
     save(stage)
 
 
-def write_patch(
+def write_patches(
+    stage: Usd.Stage, tile: Tile, assets: Path, name: str, options: Options
+) -> list[tuple[NDArray[np.int64], UsdShade.Material]]:
+    """Write the pictures of a tile's ground near paths; their cells, and what shows them."""
+    near = cells_near_paths(tile, within=options.close_within_m)
+    friction = world_friction(tile.whole.site.body, options).ground
+    patches = close_patches(
+        tile, near, within=options.close_within_m, largest=options.texture_pixels
+    )
+    return [(patch.cells, _write_patch(stage, patch, assets, name, friction)) for patch in patches]
+
+
+def _write_patch(
     stage: Usd.Stage, patch: ClosePatch, assets: Path, name: str, friction: float
 ) -> UsdShade.Material:
     """Write the pictures of the ground near a path, and define a material that shows them."""
@@ -87,10 +92,8 @@ def write_patch(
     files = {kind: f"{name}_close_{patch.number}{kind}.jpg" for kind in images}
     for kind, pixels in images.items():
         (assets / files[kind]).write_bytes(encode_jpeg(image_rows(pixels)))
-    path, place = (
-        f"/{name}/Looks/close_{patch.number}",
-        {"scale": patch.scale, "offset": patch.offset},
-    )
+    path = f"{stage.GetDefaultPrim().GetPath()}/Looks/close_{patch.number}"
+    place = {"scale": patch.scale, "offset": patch.offset}
     look = define_textured(stage, path, f"./{files['']}", friction, wrap="clamp", **place)
     add_normal_map(stage, path, f"./{files['_normals']}")
     return look

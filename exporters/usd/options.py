@@ -45,8 +45,8 @@ class Options(Spec):
     close_within_m: NotNegative = 0.0
     """How far from a path ground and rocks are drawn as a camera at 1 m asks for, at most [m]; 0
     for none: the ground by pictures of its own with pixels of 4 mm, or as fine as 2**24 of them
-    reach, rocks of at least 0.25 m by the finer meshes of their shapes. Tiles of a site have
-    none, a part that `cut` makes has."""
+    reach, rocks of at least 0.25 m by the finer meshes of their shapes. Of a site in tiles each
+    tile has as many pixels."""
     surface: Literal["regolith", "bedrock"] = "regolith"
     """What the ground is: its friction is that of the world's body (docs/driving.md)."""
     friction: NotNegative | None = None

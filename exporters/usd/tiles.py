@@ -1,6 +1,7 @@
 """A site in tiles: per tile a payload whose levels of detail are variants, one stage over all.
 
 OUT/usd/world.usda                 a prim with a payload per tile, and what they share
+OUT/usd/assets/close_ROW_COLUMN.usda a tile near a path, over that in its folder
 OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarter`, `sixteenth`;
                                    of a level that a small tile has not, its coarsest
 """
@@ -8,16 +9,18 @@ OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarte
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from terrain_forge.base import Array, image_rows
 from terrain_forge.geometry import (
     GroundLevel,
     bake_ground,
+    close_loss,
+    close_pixel,
     coarse_shape,
     collision_losses,
     detail_placement,
@@ -33,15 +36,39 @@ from terrain_forge.geometry import (
     rocks_error,
     shifted,
     tile_anchor,
-    untiled_losses,
 )
-from terrain_forge.model import RockField, Tile, TiledSite, TileGrid, World, world_friction
-from terrain_forge.rocks import require_pebbles, seen_close, tile_pebbles
+from terrain_forge.model import (
+    BuiltTile,
+    RockField,
+    Tile,
+    TiledSite,
+    TileGrid,
+    World,
+    world_friction,
+)
+from terrain_forge.rocks import cells_near_paths, require_pebbles, seen_close, tile_pebbles
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
-from .ground import DETAIL, bind_faces, label_craters, shown_craters, write_horizon
-from .layer import ROOT, define_mesh, define_st, label, make_collider, new_stage, save
+from .ground import (
+    DETAIL,
+    bind_faces,
+    label_craters,
+    shown_craters,
+    write_horizon,
+    write_patches,
+)
+from .layer import (
+    ROOT,
+    define_mesh,
+    define_st,
+    label,
+    make_collider,
+    new_layer,
+    new_stage,
+    save,
+    set_conventions,
+)
 from .material import add_normal_map, bind, define_textured
 from .options import Options
 from .rocks import (
@@ -59,6 +86,8 @@ LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 _SHARED = "../../../../usd/assets"
 """The shared assets' folder, from that of a tile."""
 _TILE = "tile"
+_FINEST = "full"
+_NONE = np.empty(0, np.int32)
 
 
 def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
@@ -71,9 +100,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     picture = bake_ground(tile.world, finer=finer).rgb
     write_png(directory / "ground.png", image_rows(picture))
     shapes = tile.whole.library.prototypes
-    coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
-    close = seen_close(tile.world, within=options.close_within_m)
     errors: dict[str, float] = {}
     farthest = np.array([len(shape.meshes) - 1 for shape in shapes], np.int64)
     strides = {stride: name for name, stride in LEVELS.items()}
@@ -88,14 +115,30 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
             drawn = np.where(fine, 0, levels[rocks.prototype])
         errors[name] = level.error + rocks_error(rocks, shapes, details=drawn, shown=shown)
         if near:
-            write_rocks(
-                local, directory, coarse=coarse, levels=levels, close=close, options=options,
-                name="rocks_full", shared=_SHARED,
-            )  # fmt: skip
+            _write_finest_rocks(local, directory, f"rocks_{name}", options=options, shared=_SHARED)
             continue
         _write_far_rocks(local, rocks.select(shown), farthest, directory, name)
     _write_tile(directory / "tile.usda", anchor, list(errors))
     return {"anchor": anchor.tolist(), "errors": errors}
+
+
+def _write_finest_rocks(
+    tile: Tile,
+    directory: Path,
+    name: str,
+    *,
+    options: Options,
+    shared: str,
+    close: NDArray[np.int32] = _NONE,
+) -> None:
+    """Write a tile's rocks as `write_rocks` does."""
+    shapes = tile.whole.library.prototypes
+    coarse = [coarse_shape(shape, options.outline_error) for shape in shapes]
+    levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
+    write_rocks(
+        tile, directory, coarse=coarse, levels=levels, close=close, options=options, name=name,
+        shared=shared,
+    )  # fmt: skip
 
 
 def _square(grid: TileGrid) -> Any:
@@ -194,9 +237,10 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     if shown := options.horizon and horizon is not None:
         write_horizon(horizon, tiled.world.appearance.detail, directory / "assets")
         define_parts(stage, "Horizon", ["horizon"])
-    pebbles = _write_pebbles(tiled, directory / "assets", options)
+    near = _write_near(tiled, directory / "assets", options)
+    pebbles = {place: part.pebbles for place, part in near.items() if part.pebbles}
     if pebbles:
-        define_parts(stage, "Pebbles", [*pebbles])
+        define_parts(stage, "Pebbles", [f"pebbles_{place}" for place in pebbles])
     group = UsdGeom.Xform.Define(stage, f"/{ROOT}/Tiles").GetPrim()
     Usd.ModelAPI(group).SetKind(Kind.Tokens.group)
     layer = stage.GetRootLayer()
@@ -204,41 +248,110 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     parent = layer.GetPrimAtPath(f"/{ROOT}/Tiles")
     with Sdf.ChangeBlock():
         for tile in tiled.tiles:
-            place = f"{tile.row:03}_{tile.column:03}"
+            place = _place(tile)
             prim = Sdf.PrimSpec(parent, f"tile_{place}", Sdf.SpecifierDef, "Xform")
-            prim.payloadList.prependedItems = [Sdf.Payload(f"{tile.folder}/tile.usda")]
+            part = near.get(place, _Near(file=f"{tile.folder}/tile.usda"))
+            prim.payloadList.prependedItems = [Sdf.Payload(part.file)]
             # Pebbles lie on the finest ground: above and below a coarser one.
-            finest = f"pebbles_{place}" in pebbles
-            prim.variantSelections["lod"] = [*LEVELS][0 if finest else -1]
+            prim.variantSelections["lod"] = [*LEVELS][0 if place in near else -1]
     layer.Save()
     count, wanted = sum(pebbles.values()), options.pebbles_min_m > 0.0
     told = [pebbles_loss(count, options.pebbles_within_m)] * wanted
-    return (*_losses(tiled, options), *told, *horizon_losses(horizon, shown=shown))
+    return (*_losses(tiled, near, options), *told, *horizon_losses(horizon, shown=shown))
 
 
-def _write_pebbles(tiled: TiledSite, assets: Path, options: Options) -> dict[str, int]:
-    """Write a layer for the pebbles of each tile; how many each has."""
+class _Near(NamedTuple):
+    """What is there of a tile near paths."""
+
+    file: str
+    """The tile's layer, as seen from world.usda."""
+    pebbles: int = 0
+    pixel: float = 0.0
+    """Of the ground's pictures near paths [m]; 0 without any."""
+
+
+def _place(tile: BuiltTile) -> str:
+    return f"{tile.row:03}_{tile.column:03}"
+
+
+def _write_near(tiled: TiledSite, assets: Path, options: Options) -> dict[str, _Near]:
+    """Write what tiles have near paths, which they were made without; by their places."""
     found = {}
-    smallest, within = options.pebbles_min_m, options.pebbles_within_m
-    for name, world, pebbles in tile_pebbles(tiled, smallest=smallest, within=within):
-        write_pebbles(world, pebbles, assets, name=name)
-        found[name] = len(pebbles)
+    smallest, close = options.pebbles_min_m, options.close_within_m
+    reach = max(close, options.pebbles_within_m * (smallest > 0.0))
+    for built, tile in tiled.near_paths(reach):
+        place, count, file, pixel = _place(built), 0, f"{built.folder}/tile.usda", 0.0
+        if smallest > 0.0:
+            laid = tile_pebbles(tile, smallest=smallest, within=options.pebbles_within_m)
+            if count := len(laid):
+                write_pebbles(tile.world, laid, assets, name=f"pebbles_{place}")
+        if parts := _write_close(built, tile, assets, options):
+            file, pixel = f"./assets/close_{place}.usda", close_pixel(tile.whole, close)
+            _write_close_tile(assets / f"close_{place}.usda", f"../{built.folder}", parts)
+        if count or parts:
+            found[place] = _Near(file, count, pixel)
     return found
 
 
-def _losses(tiled: TiledSite, options: Options) -> list[str]:
+def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -> dict[str, str]:
+    """Write the finest level of a tile as a camera near a path asks for; its new parts' files."""
+    parts, within = dict[str, str](), options.close_within_m
+    if cells_near_paths(tile, within=within).any():
+        name = f"close_ground_{_place(built)}"
+        stage = Usd.Stage.Open(new_layer(assets / f"{name}.usdc"))
+        set_conventions(stage)
+        stage.GetRootLayer().subLayerPaths.append(f"../{built.folder}/ground_{_FINEST}.usdc")
+        root = stage.GetPrimAtPath(f"/ground_{_FINEST}")
+        stage.SetDefaultPrim(root)
+        mesh = UsdGeom.Mesh(root.GetChild("surface"))
+        for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
+            subset.GetIndicesAttr().Set(Vt.IntArray())  # a face is in one, some are left without
+        looks = write_patches(stage, tile, assets, name, options)
+        bind_faces(stage, mesh, tile, options, looks)
+        save(stage)
+        parts["ground"] = f"./{name}.usdc"
+    close = seen_close(tile.world, within=within)
+    if close.size:
+        anchor = np.array(built.figures["anchor"])
+        local = Tile(
+            number=tile.number, world=shifted(tile.world, anchor), whole=shifted(tile.whole, anchor)
+        )
+        name = f"close_rocks_{_place(built)}"
+        _write_finest_rocks(local, assets, name, close=close, options=options, shared=".")
+        parts["rocks"] = f"./{name}.usdc"
+    return parts
+
+
+def _write_close_tile(path: Path, folder: str, parts: dict[str, str]) -> None:
+    """Write a tile's layer over that in its folder, with other parts of its finest level."""
+    stage = Usd.Stage.Open(new_layer(path), Usd.Stage.LoadNone)
+    set_conventions(stage)
+    layer = stage.GetRootLayer()
+    del stage
+    layer.subLayerPaths.append(f"{folder}/tile.usda")
+    layer.defaultPrim = _TILE
+    prim = Sdf.PrimSpec(layer, _TILE, Sdf.SpecifierOver)
+    finest = Sdf.VariantSpec(Sdf.VariantSetSpec(prim, "lod"), _FINEST)
+    for part, file in parts.items():
+        child = Sdf.PrimSpec(finest.primSpec, part, Sdf.SpecifierOver)
+        child.payloadList.explicitItems = [Sdf.Payload(file)]
+    layer.Save()
+
+
+def _losses(tiled: TiledSite, near: dict[str, _Near], options: Options) -> list[str]:
     step = tiled.grid.step(tiled.site.spacing)
     worst = {
         name: max(tile.figures["errors"].get(name, 0.0) for tile in tiled.tiles) for name in LEVELS
     }
     far = ", ".join(f"{name} {worst[name]:.2g} m" for name in LEVELS)
-    pebbly = ", but those with pebbles" if options.pebbles_min_m > 0.0 else ""
+    apart = ", but those near paths" if near else ""
+    pixels = {part.pixel for part in near.values()} - {0.0}
     return [
         f"The ground's coordinates are rounded to {1e6 * step:.3g} µm.",
         f"Levels of detail are off by up to: {far}; rocks smaller than half a cell of a level are "
         "not in it, and nothing but its ground can be touched.",
-        f"world.usda shows all tiles at their coarsest{pebbly}: choose the variant `lod` = `full` "
+        f"world.usda shows all tiles at their coarsest{apart}: choose the variant `lod` = `full` "
         "of those that a rover drives on.",
-        *untiled_losses(close=options.close_within_m > 0.0),
+        *([close_loss(max(pixels), options.close_within_m)] if pixels else []),
         *collision_losses(tiled.shapes),
     ]

@@ -14,6 +14,7 @@ from terrain_forge.geometry import (
     LightLevels,
     Lights,
     close_loss,
+    close_pixel,
     coarse_shape,
     collision_losses,
     detail_loss,
@@ -148,11 +149,11 @@ def _losses(
     options: Options,
 ) -> tuple[str, ...]:
     """What USD, or this export of it, does not say."""
-    detail = world.appearance.detail
+    detail, within = world.appearance.detail, options.close_within_m
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),
-        *([close_loss(world, options.close_within_m)] if options.close_within_m > 0.0 else []),
+        *([close_loss(close_pixel(world, within), within)] if within > 0.0 else []),
         *static_losses(world.field),
         "USD lights have no physical unit: intensities are "
         + (

@@ -20,7 +20,6 @@ from terrain_forge.dtm import (
     site_facts,
     still_to_fetch,
 )
-from terrain_forge.geometry import untiled_losses
 from terrain_forge.making import light_of
 from terrain_forge.model import BODIES, Lighting, Site
 from terrain_forge.paths import Planned, duration
@@ -76,8 +75,6 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         cells = tile_cells(recipe)
         across, up = -(-window.columns // cells), -(-window.rows // cells)
         yield f"  tiles        {across} × {up} of {cells * site.spacing:g} m, built one by one"
-        close = any(getattr(order.options, "close_within_m", 0.0) for order in orders)
-        yield from (f"  {'warning':<12} {text}" for text in untiled_losses(close=close))
     for layer in recipe.terrain.layers:
         for word, told in layer.facts(site):
             yield f"  {word:<12} {told}"

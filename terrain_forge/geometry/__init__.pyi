@@ -8,6 +8,7 @@ from .beyond import write_horizon_mesh as write_horizon_mesh
 from .close_ground import ClosePatch as ClosePatch
 from .close_ground import close_loss as close_loss
 from .close_ground import close_patches as close_patches
+from .close_ground import close_pixel as close_pixel
 from .dome import dome_image as dome_image
 from .dome import dome_level as dome_level
 from .ground_mesh import cell_bands as cell_bands
@@ -42,7 +43,6 @@ from .losses import rock_look_losses as rock_look_losses
 from .losses import static_losses as static_losses
 from .losses import texture_loss as texture_loss
 from .losses import touched_shapes as touched_shapes
-from .losses import untiled_losses as untiled_losses
 from .rock_materials import lie_upright as lie_upright
 from .rock_materials import lightest_rock_colour as lightest_rock_colour
 from .rock_materials import mean_rock_srgb as mean_rock_srgb

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Mask
 from terrain_forge.geometry.ground_texture import GroundTexture, bake_cells, finest_texture
-from terrain_forge.model import Tile, World
+from terrain_forge.model import Tile, Trajectory, World
 
 FINEST = 0.004
 """Pixels are no finer: a camera of 1 mrad a pixel sees 1 to 4 mm from a metre up [m]."""
@@ -39,12 +39,20 @@ class ClosePatch:
 
 
 def close_pixel(world: World, within: float) -> float:
-    """Size of the pixels of the ground up to `within` [m] from a world's paths [m].
+    """Size of the pixels of the ground up to `within` [m] from a world's paths in it [m].
 
     It is 4 mm, or coarser where that would be more than 2²⁴ of them.
     """
-    area = 2.0 * within * sum(path.length for path in world.trajectories)
-    return max(FINEST, math.sqrt(area / _MOST))
+    length = sum(_length_within(path, world.ground.bounds) for path in world.trajectories)
+    return max(FINEST, math.sqrt(2.0 * within * length / _MOST))
+
+
+def _length_within(path: Trajectory, bounds: tuple[float, float, float, float]) -> float:
+    """Length of what of a path lies within the bounds (west, south, east, north) [m]."""
+    steps = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+    middle = 0.5 * (path.position[1:, :2] + path.position[:-1, :2])
+    inside = ((middle >= bounds[:2]) & (middle <= bounds[2:])).all(axis=1)
+    return float(steps[inside].sum())
 
 
 def close_patches(tile: Tile, near: Mask, *, within: float, largest: int) -> Iterator[ClosePatch]:
@@ -78,7 +86,9 @@ def close_patches(tile: Tile, near: Mask, *, within: float, largest: int) -> Ite
         )
 
 
-def close_loss(world: World, within: float) -> str:
-    """How fine the ground near a world's paths is, as a sentence."""
-    pixel = 1000.0 * close_pixel(world, within)
-    return f"Within {within:g} m of paths the ground's texture has pixels of about {pixel:.2g} mm."
+def close_loss(pixel: float, within: float) -> str:
+    """How fine the ground near paths is by the size of its pixels [m], as a sentence."""
+    return (
+        f"Within {within:g} m of paths the ground's texture has pixels of about "
+        f"{1000.0 * pixel:.2g} mm."
+    )

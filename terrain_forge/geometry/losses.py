@@ -21,15 +21,6 @@ from terrain_forge.model import (
 PLACE_LOSS = "Longitude, latitude and the datum's height are left out."
 
 
-def untiled_losses(*, close: bool) -> list[str]:
-    """What a site in tiles leaves out of what is asked for near paths, of which no tile knows."""
-    told = (
-        "close_within_m holds for parts that terrain-forge cut makes alone: tiles are made before "
-        "the paths, and know of none."
-    )
-    return [told] * close
-
-
 def pebbles_loss(count: int, within: float) -> str:
     """What pebbles up to a distance [m] from paths are not."""
     if not count:

@@ -10,7 +10,7 @@ from terrain_forge.model.site import Site, Window
 
 if TYPE_CHECKING:
     from terrain_forge.model.rocks import RockPrototype
-    from terrain_forge.model.world import World
+    from terrain_forge.model.world import Tile, World
 
 USUAL_CELLS = 1024
 """Cells of a tile each way where the recipe does not say."""
@@ -129,9 +129,9 @@ class TiledSite:
     """The world of a corner of it, for what all tiles share: shapes, colours, light."""
     tiles: tuple[BuiltTile, ...]
     """Its tiles in their order."""
-    near_paths: Callable[[float], Iterator[tuple[BuiltTile, World]]]
-    """The tiles that lie no farther than so far from a path [m], each as a world with all paths,
-    made anew."""
+    near_paths: Callable[[float], Iterator[tuple[BuiltTile, Tile]]]
+    """The tiles that lie no farther than so far from a path [m], each made anew, with all paths;
+    none for 0."""
 
     @property
     def shapes(self) -> tuple[RockPrototype, ...]:

@@ -7,7 +7,6 @@ that has them among its rocks is for cameras and lidars alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
-from terrain_forge.model import USUAL_CELLS, RockField, Site, TiledSite, World, merge, owned
+from terrain_forge.model import USUAL_CELLS, RockField, Site, Tile, World, merge, owned
 from terrain_forge.rocks.near_paths import path_distance, path_points
 
 MOST_PEBBLES = 2_000_000
@@ -63,21 +62,10 @@ def _require_few(expected: float, smallest: float, within: float) -> None:
         )
 
 
-def tile_pebbles(
-    tiled: TiledSite, *, smallest: float, within: float
-) -> Iterator[tuple[str, World, RockField]]:
-    """The pebbles of a site in tiles, tile by tile, as `path_pebbles` has them.
-
-    A `smallest` of 0 asks for none.
-
-    Returns:
-        A name for those of a tile, its world, and the pebbles, which lie in no other tile.
-    """
-    for tile, world in tiled.near_paths(within) if smallest > 0.0 else ():
-        laid = path_pebbles(world, smallest=smallest, within=within)
-        own = laid.select(owned(laid, world.ground, tiled.site.bounds))
-        if len(own):
-            yield f"pebbles_{tile.row:03}_{tile.column:03}", world, own
+def tile_pebbles(tile: Tile, *, smallest: float, within: float) -> RockField:
+    """The pebbles of a tile of a site, which lie in no other, as `path_pebbles` has them."""
+    laid = path_pebbles(tile.world, smallest=smallest, within=within)
+    return laid.select(owned(laid, tile.ground, tile.whole.site.bounds))
 
 
 @checked

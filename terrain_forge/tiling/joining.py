@@ -15,11 +15,11 @@ from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
 from terrain_forge.building import foreign_files, lists_outputs
 from terrain_forge.dtm import open_dataset
-from terrain_forge.model import BuiltTile, Export, TiledSite, Trajectory, Window, World
+from terrain_forge.model import BuiltTile, Export, Tile, TiledSite, Trajectory, Window, World
 from terrain_forge.recipe import sha256
 from terrain_forge.rocks import path_points
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
-from terrain_forge.tiling.making import digest_of, world_of
+from terrain_forge.tiling.making import digest_of, tile_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
 from terrain_forge.truth import MATERIALS, merge_materials, write_merged
 from terrain_forge.writers import write_vrt
@@ -116,8 +116,10 @@ def join(order: TileOrder, paths: tuple[Trajectory, ...], watch: Stopwatch) -> d
 
 def _near_paths(
     order: TileOrder, paths: tuple[Trajectory, ...], tiles: tuple[BuiltTile, ...], within: float
-) -> Iterator[tuple[BuiltTile, World]]:
-    """The tiles that lie no farther than `within` [m] from a path, as worlds with all paths."""
+) -> Iterator[tuple[BuiltTile, Tile]]:
+    """The tiles that lie no farther than `within` [m] from a path, with all paths."""
+    if within <= 0.0:
+        return
     site, grid = order.site, order.grid
     away = np.array([[-within, -within], [within, within]])
     cell = grid.cells * site.spacing
@@ -130,7 +132,9 @@ def _near_paths(
             columns = range(max(west, 0), min(east + 1, grid.across))
             found.update(row * grid.across + column for row in rows for column in columns)
     for number in sorted(found):
-        yield tiles[number], world_of(order, grid.window(number)).replace(trajectories=paths)
+        tile = tile_of(order, number)
+        world, whole = (part.replace(trajectories=paths) for part in (tile.world, tile.whole))
+        yield tiles[number], Tile(number=number, world=world, whole=whole)
 
 
 def _join_truth(order: TileOrder) -> None:

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
+from terrain_forge.exporters.sdf import Options as SdfOptions
 
 import terrain_forge as tf
-from terrain_forge.geometry import untiled_losses
-from terrain_forge.rocks import path_pebbles
+from terrain_forge.rocks import path_pebbles, path_points, seen_close
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
@@ -101,7 +102,7 @@ def read_glb(path: Path):
     told = json.loads(content[20 : 20 + length])
     binary = content[28 + length :]
     kinds = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
-    sizes = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+    sizes = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
     def array(number):
         one = told["accessors"][number]
@@ -278,29 +279,146 @@ def test_losses_of_tiles_tell_what_they_leave_out(built):
     assert not any("close_within_m" in line for line in exports["usd"]["losses"])
 
 
-def test_what_tiles_do_not_draw_near_paths_is_told():
-    assert [line.partition(" ")[0] for line in untiled_losses(close=True)] == ["close_within_m"]
-    assert untiled_losses(close=False) == []
+NEAR = 0.6
+
+
+@pytest.fixture(scope="module")
+def near(tmp_path_factory):
+    """A site with a path, pebbles and close views near it, and its world made as one."""
+    folder = tmp_path_factory.mktemp("near")
+    options = f"{{pebbles_min_m: 0.06, close_within_m: {NEAR}}}"
+    exports = f"exports: {{usd: {options}, glb: {options}, sdf: {{close_within_m: {NEAR}}}}}"
+    path = (
+        "{name: p, speed_m_s: 0.5, route: {kind: spline, points_m: [[-20, -10], [0, 5], [20, 12]]}}"
+    )
+    text = {"exports: []": f"{exports}\npaths: [{path}]"}
+    recipe = tf.load_recipe(write_recipe(folder, exports="", **text)).recipe
+    tf.build(recipe, folder / "site", workers=0)
+    return folder / "site", tf.realise(tf.plan(recipe))
 
 
 @pytest.mark.slow
-def test_pebbles_of_tiles_are_those_of_the_whole(tmp_path):
+def test_ground_of_tiles_is_fine_near_paths(near):
+    """Each face shows one look; those near the path, no others, one of 4 mm or somewhat coarser."""
+    from pxr import Usd, UsdShade
+
+    site, whole = near
+    stage = Usd.Stage.Open(str(site / "usd/world.usda"))
+    assert not stage.GetCompositionErrors()
+    line, fine = KDTree(path_points(whole.trajectories)), 0
+    for tile in stage.GetPrimAtPath("/World/Tiles").GetChildren():
+        row, column = map(int, tile.GetName().split("_")[1:])
+        tile.GetVariantSets().SetSelection("lod", "full")
+        mesh = stage.GetPrimAtPath(f"{tile.GetPath()}/ground/surface")
+        corners = np.array(mesh.GetAttribute("faceVertexIndices").Get()).reshape(-1, 3)
+        points = np.array(mesh.GetAttribute("points").Get(), float)
+        shift = np.array(tile.GetAttribute("xformOp:translate").Get())
+        middles = (points[corners].mean(axis=1) + shift)[:, :2]
+        close = np.zeros(len(corners), bool)
+        shown = np.zeros(len(corners), int)
+        for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
+            faces = np.array(subset.GetIndicesAttr().Get(), int)
+            shown[faces] += 1
+            look = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+            if "close" in subset.GetPrim().GetName():
+                close[faces] = True
+                files = [
+                    UsdShade.Shader(shader).GetInput("file").Get()
+                    for shader in Usd.PrimRange(look.GetPrim())
+                    if UsdShade.Shader(shader).GetInput("file")
+                ]
+                assert len(files) == 2
+                assert all(Path(one.resolvedPath).is_file() for one in files)
+        assert shown.max(initial=0) <= 1
+        away = line.query(middles)[0]
+        assert close[away < NEAR - 0.4].all()
+        assert not close[away > NEAR + 0.4].any()
+        assert (site / f"usd/assets/close_{row:03}_{column:03}.usda").is_file() == close.any()
+        fine += close.any()
+        tile.GetVariantSets().SetSelection("lod", "sixteenth")
+        far = stage.GetPrimAtPath(f"{tile.GetPath()}/ground/surface")
+        assert not UsdShade.MaterialBindingAPI(far).GetMaterialBindSubsets()
+    assert 2 < fine < 6
+    losses = json.loads((site / "manifest.json").read_text())["exports"]["usd"]["losses"]
+    assert any(f"Within {NEAR:g} m of paths" in line for line in losses)
+
+
+@pytest.mark.slow
+def test_rocks_of_tiles_near_paths_have_their_close_meshes(near):
+    """The same as in the world of one piece, in USD and SDF; all others as before."""
+    from pxr import Usd, UsdGeom
+
+    site, whole = near
+    wanted = set(seen_close(whole, within=NEAR).tolist())
+    assert len(wanted) > 3
+    stage = Usd.Stage.Open(str(site / "usd/world.usda"))
+    for tile in stage.GetPrimAtPath("/World/Tiles").GetChildren():
+        tile.GetVariantSets().SetSelection("lod", "full")
+    found = {}
+    for prim in Usd.PrimRange(stage.GetPrimAtPath("/World/Tiles")):
+        if prim.IsA(UsdGeom.PointInstancer):
+            rocks = UsdGeom.PointInstancer(prim)
+            names = [target.name for target in rocks.GetPrototypesRel().GetTargets()]
+            for rock, shape in zip(
+                rocks.GetIdsAttr().Get(), rocks.GetProtoIndicesAttr().Get(), strict=True
+            ):
+                assert rock not in found
+                found[rock] = "_close" in names[shape]
+    assert sorted(found) == whole.field.id.tolist()
+    assert {rock for rock, close in found.items() if close} == wanted
+    single = whole.field.select(whole.field.diameter >= SdfOptions().individual_min_m)
+    drawn = set()
+    for include in ET.parse(site / "sdf/world.sdf").getroot().iter("include"):
+        model = site / include.find("uri").text.removeprefix("model://") / "model.sdf"
+        for visual in ET.parse(model).getroot().iter("visual"):
+            file = visual.findtext("geometry/mesh/uri", "")
+            if file:
+                assert (site / file.removeprefix("model://")).is_file()
+            if "close" in Path(file).name:
+                drawn.add(int(visual.get("name").split("_")[1]))
+    assert drawn == wanted & set(single.id.tolist())
+    assert drawn
+
+
+@pytest.mark.slow
+def test_3d_tiles_show_the_ground_near_paths_in_their_finest_level(near):
+    """In place of that made before the paths; each face in one piece, within the stated box."""
+    site, _ = near
+    near_paths = [node["content"]["uri"] for node, _ in contents(site)]
+    near_paths = sorted(uri for uri in near_paths if "close_" in uri)
+    assert near_paths == sorted(path.name for path in site.glob("glb/close_*.glb"))
+    assert len(near_paths) > 2
+    for name in near_paths:
+        path = site / "glb" / name
+        told, array = read_glb(path)
+        ground = next(mesh for mesh in told["meshes"] if mesh["name"] == "ground")
+        faces = np.concatenate(
+            [array(piece["indices"]).reshape(-1, 3) for piece in ground["primitives"]]
+        )
+        _, row, column = path.stem.split("_")
+        before, plain = read_glb(site / f"tiles/{row}/{column}/glb/full.glb")
+        old = next(mesh for mesh in before["meshes"] if mesh["name"] == "ground")["primitives"][0]
+        assert np.array_equal(
+            np.unique(faces, axis=0), np.unique(plain(old["indices"]).reshape(-1, 3), axis=0)
+        )
+        assert len(faces) == len(plain(old["indices"]).reshape(-1, 3))
+        looks = [told["materials"][piece["material"]] for piece in ground["primitives"]]
+        assert sum("normalTexture" in look for look in looks) > 0
+
+
+@pytest.mark.consumer
+def test_khronos_validator_finds_nothing_in_tiles_near_paths(near):
+    for path in sorted(near[0].glob("glb/close_*.glb")):
+        issues = gltf_issues(path)
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
+
+
+@pytest.mark.slow
+def test_pebbles_of_tiles_are_those_of_the_whole(near):
     """Each once, in the tile that it lies in; in GLB as in USD."""
     from pxr import Usd, UsdGeom
 
-    path = write_recipe(
-        tmp_path,
-        exports="",
-        **{
-            "exports: []": "exports: {usd: {pebbles_min_m: 0.06}, glb: {pebbles_min_m: 0.06}}\n"
-            "paths: [{name: p, speed_m_s: 0.5, route: {kind: spline, "
-            "points_m: [[-20, -10], [0, 5], [20, 12]]}}]"
-        },
-    )
-    recipe = tf.load_recipe(path).recipe
-    site = tmp_path / "site"
-    tf.build(recipe, site, workers=0)
-    whole = tf.realise(tf.plan(recipe))
+    site, whole = near
     wanted = path_pebbles(whole, smallest=0.06, within=2.0)
     wanted = wanted.position[np.lexsort(wanted.position.T)]
     stage = Usd.Stage.Open(str(site / "usd/world.usda"))
@@ -323,7 +441,8 @@ def test_pebbles_of_tiles_are_those_of_the_whole(tmp_path):
         for prim in stage.GetPrimAtPath("/World/Tiles").GetChildren()
         if prim.GetVariantSets().GetVariantSelection("lod") == "full"
     }
-    assert full == {name.removeprefix("pebbles_") for name in files}
+    fine = {path.stem.removeprefix("close_") for path in site.glob("usd/assets/close_*.usda")}
+    assert full == fine | {name.removeprefix("pebbles_") for name in files}
     assert sum(_instances(read_glb(site / f"glb/{name}.glb")[0]) for name in files) == len(wanted)
     manifest = json.loads((site / "manifest.json").read_text())
     for kind in ("usd", "glb"):
