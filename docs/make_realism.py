@@ -1,4 +1,4 @@
-"""Makes docs/images/realism.jpg and the table of docs/realism.md: figures of our pictures.
+"""Makes docs/images/realism.jpg and the table of docs/realism.md: ten views, figures of five.
 
     python docs/make_realism.py                          # ours
     python docs/make_realism.py PHOTOGRAPHS OUT.jpg      # theirs too; side by side into OUT.jpg
@@ -27,11 +27,15 @@ from terrain_forge.model import sensor_kinds
 from terrain_forge.pipeline import realise
 from terrain_forge.recipe import load_recipe
 from terrain_forge.report import picture_statistics
+from terrain_forge.rocks import with_pebbles
 from terrain_forge.sensors import ImageStatistics, image_statistics
 
 HERE = Path(__file__).parent
 RECIPES = ("gale_short", "gale_long", "mars_ripples", "moon_mare", "moon_craters")
-MAST = 1.5
+NEAR_RECIPES = ("gale_short", "mars_soils", "mars_ripples", "moon_mare", "moon_craters")
+MAST, NEAR = (1.5, 18.0), (1.0, 30.0)
+"""Height above base_link [m] and pitch [deg] of a camera on a mast, and near the ground."""
+PEBBLES = 0.01
 SIDE = 360
 
 
@@ -66,13 +70,14 @@ REAL = (
 
 def main() -> None:
     """Print the table, write the pictures."""
-    ours = [_recorded(name) for name in RECIPES]
+    ours = [_recorded(name, MAST) for name in RECIPES]
+    near = [_recorded(name, NEAR, pebbles=PEBBLES)[1] for name in NEAR_RECIPES]
     lines = [_line(name, found) for name, (found, _) in zip(RECIPES, ours, strict=True)]
-    _write(HERE / "images" / "realism.jpg", [picture for _, picture in ours])
+    _write(HERE / "images" / "realism.jpg", [picture for _, picture in ours], near)
     if len(sys.argv) > 2:
         real = [_photographed(Path(sys.argv[1]), one) for one in REAL]
         lines += [_line(one.name, found) for one, (found, _) in zip(REAL, real, strict=True)]
-        rows = ([p for _, p in ours], [p for _, p in real])
+        rows = [[p for _, p in ours], near, [p for _, p in real]]
         wide = max(map(len, rows))
         for row in rows:
             row += [np.zeros_like(row[0])] * (wide - len(row))
@@ -80,8 +85,11 @@ def main() -> None:
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-def _recorded(name: str) -> tuple[ImageStatistics, NDArray[np.uint8]]:
-    """Figures of some frames of a camera on a mast, and one of the frames."""
+def _recorded(
+    name: str, view: tuple[float, float], *, pebbles: float = 0.0
+) -> tuple[ImageStatistics, NDArray[np.uint8]]:
+    """Figures of a camera's frames, and one of them; with pebbles from a diameter on [m]."""
+    height, pitch = view
     file = load_recipe(HERE.parent / "recipes" / f"{name}.yaml")
     world = realise(plan(file.recipe, folder=file.folder))
     camera = sensor_kinds()["camera"]
@@ -89,10 +97,12 @@ def _recorded(name: str) -> tuple[ImageStatistics, NDArray[np.uint8]]:
     from pydantic import TypeAdapter
 
     mast = TypeAdapter(camera).validate_python(
-        {**preset, "name": "mast", "position_m": (0.6, 0.0, MAST), "rpy_deg": (0, 18, 0),
+        {**preset, "name": "mast", "position_m": (0.6, 0.0, height), "rpy_deg": (0, pitch, 0),
          "channels": ("class",)}
     )  # fmt: skip
     world = world.replace(rover=world.rover.replace(sensors=(mast,)))
+    if pebbles:
+        world = with_pebbles(world, smallest=pebbles)
     with TemporaryDirectory() as folder:
         tf.record(world, folder, end=400.0)
         recording = open_recording(folder)
