@@ -7,7 +7,6 @@ import numpy as np
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     collision_losses,
-    rock_look_losses,
     static_losses,
     texture_loss,
     touched_shapes,
@@ -58,13 +57,22 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *_rock_losses(world, options),
         *static_losses(world.field),
         *collision_losses(touched_shapes(world)),
-        *rock_look_losses(world, tinted=True),
+        *_map_losses(world, options),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
         *world.rover.notes,
         "The Sun is a light without size or irradiance in physical units.",
         *rig_losses(world.rover),
     )
+
+
+def _map_losses(world: World, options: Options) -> list[str]:
+    if world.library.normals is None or not has_own_shape(world.field, options).any():
+        return []
+    return [
+        "MuJoCo's own renderer shows the maps of normals and roughness of rocks with shapes of "
+        "their own in no picture; others that read the materials' layers do."
+    ]
 
 
 def _rock_losses(world: World, options: Options) -> list[str]:

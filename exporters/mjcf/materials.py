@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from terrain_forge.base import srgb_from_linear
-from terrain_forge.geometry import rock_texture
+from terrain_forge.geometry import rock_maps, rock_texture
 from terrain_forge.model import Friction, World
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import TINTS, tint_colours
@@ -26,6 +26,8 @@ _SOLREF = (0.04, 1.0)
 _SOLIMP = (0.9, 0.95, 0.001)
 """Impedance at first touch and at depth, and that depth [m]."""
 _MATT = {"specular": 0.0, "shininess": 0.0}
+_MAPS = {"normal": "rock_normals.png", "roughness": "rock_roughness.png"}
+"""Files of the maps that all rocks share, by the role of a material's layer."""
 _UNTOUCHABLE = {"contype": 0, "conaffinity": 0}
 _ROCK_GROUP, _PICTURE_GROUP, _HIDDEN_GROUP = 1, 2, 3
 """Groups of geoms: seen and touched, seen alone, touched alone (viewers hide groups above 2)."""
@@ -37,8 +39,16 @@ def sliding(coefficient: float) -> tuple[float, float, float]:
 
 
 def rock_materials(world: World, *, textured: bool) -> list[Lines]:
-    """A material for each colour of each population, and one that shows its texture in that."""
-    looks = []
+    """A material for each colour of each population, and one that shows its texture in that.
+
+    MuJoCo's own renderer shows the colours alone; others see the maps of normals and roughness too.
+    """
+    looks, layers = [], list[Lines]()
+    if textured and world.library.normals is not None:
+        for role, file in _MAPS.items():
+            name = f"rock_{role}"
+            looks.append(element("texture", name=name, type="2d", file=f"assets/{file}"))
+            layers.append(element("layer", texture=name, role=role))
     for n, tints in enumerate(srgb_from_linear(tint_colours(world))):
         if textured:
             image = {"type": "2d", "file": f"assets/rock_{n}.png"}
@@ -50,17 +60,19 @@ def rock_materials(world: World, *, textured: bool) -> list[Lines]:
             looks.append(element("material", name=name, rgba=rgba, **_MATT))
             if textured:
                 rgba, name = (*factor, 1.0), f"shape_{n}_{tint}"
-                shown = {"texture": f"shape_{n}", "rgba": rgba}
-                looks.append(element("material", name=name, **shown, **_MATT))
+                shown = element("layer", texture=f"shape_{n}", role="rgb")
+                looks.append(element("material", shown, *layers, name=name, rgba=rgba, **_MATT))
     return looks
 
 
 def texture_files(world: World) -> dict[str, bytes]:
-    """The populations' textures by the names of their files."""
-    populations = range(len(world.field.populations))
-    return {
-        f"assets/rock_{n}.png": encode_png(rock_texture(world, n, tinted=True)) for n in populations
+    """The populations' textures, and the rocks' maps, by the names of their files."""
+    images = {
+        f"rock_{n}.png": rock_texture(world, n, tinted=True)
+        for n in range(len(world.field.populations))
     }
+    images |= dict(zip(_MAPS.values(), rock_maps(world) or (), strict=False))
+    return {f"assets/{file}": encode_png(image) for file, image in images.items()}
 
 
 def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines:

@@ -70,17 +70,13 @@ def friction_losses(world: World, options: FrictionOptions) -> tuple[str, ...]:
     )
 
 
-def rock_look_losses(world: World, *, tinted: bool = False) -> tuple[str, ...]:
-    """What a format leaves out of rocks' looks that has no maps of them.
-
-    Args:
-        world: The world.
-        tinted: Whether the rocks of a population differ in colour.
-    """
+def rock_look_losses(world: World) -> tuple[str, ...]:
+    """What a format leaves out of rocks' looks that has neither maps nor tints of them."""
     if world.library.normals is None or not len(world.field):
         return ()
-    same = "" if tinted else ", and those of a population are of one colour"
-    return (f"Rocks have no maps of normals and roughness{same}.",)
+    return (
+        "Rocks have no maps of normals and roughness, and those of a population are of one colour.",
+    )
 
 
 def touched_shapes(world: World) -> list[RockPrototype]:

@@ -20,7 +20,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.driving import Vehicle
 from terrain_forge.driving.controller import wheel_rates
-from terrain_forge.geometry import rock_texture
+from terrain_forge.geometry import rock_maps, rock_texture
 from terrain_forge.model import Export, Heightfield, Mesh
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints, tint_colours
@@ -394,6 +394,10 @@ def test_large_rocks_show_their_texture(world, tmp_path):
         assert np.allclose(material.rgba[:3] * colours.max(axis=0), own, atol=1e-6)
         assert (texture.height[0], texture.width[0]) == wanted.shape[:2]
         assert model.mesh_texcoordnum[seen.dataid[0]] > 0
+        for role, image in zip(("NORMAL", "ROUGHNESS"), rock_maps(world), strict=True):
+            number = material.texid[getattr(mujoco.mjtTextureRole, f"mjTEXROLE_{role}")]
+            assert number >= 0
+            assert (model.tex_height[number], model.tex_width[number]) == image.shape[:2]
         assert model.geom(f"rock_{field.id[row]}").group[0] == 3
     names = [model.geom(n).name for n in range(model.ngeom)]
     looks = {int(model.geom(name).matid[0]) for name in names if name.endswith("_shape")}
