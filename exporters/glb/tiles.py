@@ -164,11 +164,10 @@ def _write_level(
         primitives = patched(primitive, patches, gltf, corners=level.faces, name="ground")
         gltf.add("meshes", {"name": "ground", "primitives": primitives})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
-        near = np.isin(rocks.id, close)
         finest = [shape.close or shape.meshes[0] for shape in tile.whole.library.prototypes]
         for population, some in grouped(rocks):
             rgb = lightest_rock_colour(tile.world, population).tolist()
-            fine = near[rocks.population == population]
+            fine = np.isin(some.id, close)
             parts = chain(
                 coloured_parts(some.select(~fine), shapes, local),
                 coloured_parts(some.select(fine), finest, local),
