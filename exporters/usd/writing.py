@@ -41,6 +41,8 @@ from .options import Options
 from .rocks import write_library, write_pebbles, write_rock_maps, write_rocks
 from .rover import rig_losses, write_scene
 
+_STOPS = 2.0
+"""By how many stops Blender brightens the Sun, and so the sky."""
 SKY = "sky.hdr"
 """The image of the sky, in the assets."""
 
@@ -124,7 +126,9 @@ def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     turn_by(UsdGeom.Xformable(sun)).Set(turn)
     sky = UsdLux.DomeLight.Define(stage, f"/{ROOT}/Sky")
     level = dome_level(lighting, levels)
-    sky.CreateIntensityAttr(levels.sky if level is None else level)
+    # Blender takes the Sun's intensity four times, and passes over a dome's exposure alone.
+    sky.CreateIntensityAttr(2.0**_STOPS * (levels.sky if level is None else level))
+    sky.CreateExposureAttr(-_STOPS)
     if level is None:
         sky.CreateColorAttr(Gf.Vec3f(*lighting.sky_rgb))
         return
@@ -157,7 +161,7 @@ def _losses(
         *static_losses(world.field),
         "USD lights have no physical unit: intensities are "
         + (
-            "made for display, and Blender takes the Sun's four times as bright."
+            "made for display, and Blender takes them four times as bright."
             if options.lights == "display"
             else "W/m² and want an exposure."
         ),
