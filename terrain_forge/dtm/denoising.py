@@ -45,7 +45,7 @@ def denoised(
         key: of what is drawn, from `stage_key`.
         trusted: posts that are measured, not filled in; all, if not given.
     """
-    plane = _plane(heights)
+    plane = plane_through(heights)
     waves = _Waves.of(heights - plane)
     spectra = _Spectra.of(floor)
     rough = _unevenness(waves, spectra, floor, np.s_[:] if trusted is None else trusted)
@@ -210,7 +210,7 @@ def _smoothed(values: Array, width: float) -> Array:
     return np.asarray(idctn(waves, norm="ortho", workers=1, overwrite_x=True))
 
 
-def _plane(heights: Array) -> Array:
+def plane_through(heights: Array) -> Array:
     """The plane of least squares through the heights [m]."""
     rows, columns = heights.shape
     y = np.linspace(-1.0, 1.0, rows)[:, None]

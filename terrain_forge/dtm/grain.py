@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, Mask, portable
+from terrain_forge.base import Array, Mask
+from terrain_forge.dtm.increments import local_mean
 
 _WIDTH = 6.0
 """Standard deviation of the Gaussian window [posts]."""
@@ -55,8 +56,4 @@ def _near(heights: Array, trusted: Mask, step: tuple[int, int]) -> Array:
     known = trusted[before] & trusted[inner] & trusted[after]
     square = (heights[before] - 2.0 * heights[inner] + heights[after]) ** 2
     total[inner], count[inner] = np.where(known, square, 0.0), known
-    overall = total.sum() / max(count.sum(), 1.0)
-    near, weight = (
-        portable.smoothed(a, _WIDTH, mode="constant", truncate=3.0) for a in (total, count)
-    )
-    return np.asarray((near + 0.02 * overall) / (weight + 0.02))
+    return local_mean(total, count, _WIDTH)

@@ -17,7 +17,8 @@ import numpy as np
 from terrain_forge.base import Array, Mask, portable
 
 _QUADRATURE = 24
-_PRIOR = 0.02  # weight of the overall mean, beside up to two increments at each post
+_PRIOR = 0.02  # weight of the mean of wider surroundings, beside up to two increments at each post
+_WIDER, _LAST = 8.0, 4e-4  # how much wider those are, and weight of the mean of all beside them
 
 
 def mean_square_increment(heights: Array, lag: int, trusted: Mask) -> float:
@@ -53,7 +54,7 @@ def mixed_share(heights: Array, lag: int, trusted: Mask) -> float:
 def local_square_increments(heights: Array, lag: int, trusted: Mask, width: float) -> Array:
     """Mean squares of second increments around each post, shape as the heights.
 
-    Far from trusted posts they tend to the mean of all.
+    Far from trusted posts they tend to the mean of wider surroundings, and at last of all.
 
     Args:
         heights: the DTM [m].
@@ -61,12 +62,21 @@ def local_square_increments(heights: Array, lag: int, trusted: Mask, width: floa
         trusted: posts that are measured, not filled in.
         width: standard deviation of the Gaussian window [posts].
     """
-    total, count = _sums(heights, lag, trusted)
-    overall = total.sum() / max(count.sum(), 1.0)
-    near, weight = (
-        portable.smoothed(a, width, mode="constant", truncate=3.0) for a in (total, count)
-    )
-    return np.asarray((near + _PRIOR * overall) / (weight + _PRIOR))
+    return local_mean(*_sums(heights, lag, trusted), width)
+
+
+def local_mean(total: Array, count: Array, width: float) -> Array:
+    """Means around each post of what was summed at each, in a Gaussian window of a width [posts].
+
+    Where there is little in it they tend to the mean of a wider window, and at last to that of all.
+    """
+    mean = np.full(total.shape, total.sum() / max(count.sum(), 1.0))
+    for wide, prior in ((_WIDER * width, _LAST), (width, _PRIOR)):
+        near, weight = (
+            portable.smoothed(a, wide, mode="constant", truncate=3.0) for a in (total, count)
+        )
+        mean = (near + prior * mean) / (weight + prior)
+    return mean
 
 
 def _sums(heights: Array, lag: int, trusted: Mask) -> tuple[Array, Array]:

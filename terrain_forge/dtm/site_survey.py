@@ -16,8 +16,9 @@ from terrain_forge.dtm.far import (
     weights_at,
 )
 from terrain_forge.dtm.interpolation import cubic
+from terrain_forge.dtm.landforms import landforms
 from terrain_forge.dtm.lattice import patch_pixels
-from terrain_forge.dtm.noise_floor import NoiseFloor, find_noise
+from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise
 from terrain_forge.dtm.point_posts import are_points, means_of_points
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts
@@ -28,6 +29,8 @@ from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, Raster
 from terrain_forge.dtm.vertical import height_step, require_known_unit
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
+_LASTING = 0.5
+"""Of the noise that is found, part that must be there without landforms."""
 _FARTHEST = 0.25
 """Part of the body's radius that ground goes on from the border at most."""
 
@@ -166,7 +169,7 @@ def _without_noise(
         return patch, None
     given = None if isinstance(noise, str) else noise
     step = height_step(patch.heights[measured])
-    found = find_noise(patch.heights, patch.posting, measured, given, step=step)
+    found, forms = _noise_beside_forms(patch, measured, given, step)
     floor, patch = found.floor, patch.replace(doubt=found.doubt)
     if floor is None and given is not None:
         kept = (
@@ -184,13 +187,33 @@ def _without_noise(
         f"{floor.correlation:.2g} posts: filtered; waves up to {floor.longest:.2g} posts, which it "
         "hides, are drawn as the longer ones tell"
     )
-    heights = denoised(patch.heights, floor, stage_key(seed, "dtm/noise"), measured)
+    key = stage_key(seed, "dtm/noise")
+    heights = forms + denoised(patch.heights - forms, floor, key, measured)
     repairs = (*patch.repairs, told)
     hidden = floor.longest * patch.posting
     denoised_patch = patch.replace(
         heights=heights, repairs=repairs, noise=floor.deviation, hidden=hidden
     )
     return denoised_patch, floor
+
+
+def _noise_beside_forms(
+    patch: DtmPatch, measured: Mask, given: float | None, step: float
+) -> tuple[FoundNoise, Array]:
+    """The noise of the patch, and the landforms that stand out of it [m].
+
+    They are no noise, but forms of one size have the spectrum of some: noise is what is found
+    without them too, and not much less.
+    """
+    found = find_noise(patch.heights, patch.posting, measured, given, step=step)
+    forms = np.zeros(patch.heights.shape)
+    if found.floor is None:
+        return found, forms
+    forms = landforms(patch.heights, measured)
+    rest = find_noise(patch.heights - forms, patch.posting, measured, given, step=step)
+    if rest.floor is None or rest.floor.deviation < _LASTING * found.floor.deviation:
+        return FoundNoise(doubt=found.floor.deviation), forms
+    return rest, forms
 
 
 def _with_means(patch: DtmPatch) -> DtmPatch:

@@ -13,6 +13,8 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from terrain_forge.base import stage_key
 from terrain_forge.dtm import ArrayDtm, site_survey, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
+from terrain_forge.dtm.increments import local_square_increments
+from terrain_forge.dtm.landforms import landforms
 from terrain_forge.dtm.matcher_windows import Window as MatcherWindow
 from terrain_forge.dtm.noise_floor import find_noise
 from terrain_forge.dtm.vertical import height_step
@@ -89,6 +91,84 @@ def test_smooth_ground_beside_rough_stays_smooth(deviation, window):
         for lag in LAGS:  # the smooth part was 1.4 to 2.1 times too rough
             rough = rms_deviation(found[part], lag) / rms_deviation(truth[part], lag)
             assert rough == pytest.approx(1.0, abs=0.3)
+
+
+def self_affine(side, *, hurst, deviation, seed):
+    """Heights of a periodic self-affine surface [m], shape [side, side]."""
+    rng, waves = np.random.default_rng(seed), np.fft.fftfreq(side)
+    number = np.hypot(*np.meshgrid(waves, waves))
+    number[0, 0] = 1.0
+    noise = np.fft.fft2(rng.normal(size=(side, side)))
+    surface = np.fft.ifft2(noise * number ** -(hurst + 1.0)).real
+    return deviation * surface / surface.std()
+
+
+def bowls(side, diameter, count=24, seed=3):
+    """Craters of one size [posts], a tenth as deep, with rims; and the places of their middles."""
+    y, x = np.mgrid[:side, :side]
+    random, places, heights = np.random.default_rng(seed), [], np.zeros((side, side))
+    while len(places) < count:
+        place = random.uniform(diameter, side - diameter, 2)
+        if all(np.hypot(*(place - other)) > 1.7 * diameter for other in places):
+            places.append(place)
+            away = np.hypot(y - place[0], x - place[1]) / (0.5 * diameter)
+            rim = 0.02 * diameter * np.maximum(away, 1.0) ** -3.0 * (away < 6.0)
+            heights += np.where(away < 1.0, 0.1 * diameter * (away**2 - 1.0), 0.0) + rim
+    return heights, places
+
+
+def depth(heights, places, diameter):
+    """Mean height of rims over floors."""
+    y, x = np.mgrid[: heights.shape[0], : heights.shape[1]]
+    found = []
+    for place in places:
+        away = np.hypot(y - place[0], x - place[1]) / (0.5 * diameter)
+        rim = heights[(away > 0.85) & (away < 1.2)].mean()
+        found.append(rim - heights[away < 0.4].mean())
+    return np.mean(found)
+
+
+@pytest.mark.parametrize(("side", "diameter"), [(128, 10), (192, 5), (256, 5)])
+def test_craters_of_one_size_are_no_noise(side, diameter):
+    """Their spectrum is that of a matcher's noise; they stand out of their surroundings."""
+    count = 60 if side == 256 else 24
+    ground = self_affine(side, hurst=0.8, deviation=0.02, seed=1)
+    forms, places = bowls(side, diameter, count)
+    heights = ground + forms
+    assert find_noise(heights, 1.0, everywhere(heights)).floor is not None
+    patch = planned(heights, 1.0).dtm
+    assert patch.noise == 0.0
+    assert patch.doubt > 0.0
+    assert depth(patch.heights, places, diameter) > 0.95 * depth(heights, places, diameter)
+
+
+def test_craters_stand_out_of_noise():
+    """They were kept too, but the plain between them came out more than three times too rough."""
+    forms, places = bowls(192, 12)
+    truth = self_affine(192, hurst=0.8, deviation=0.02, seed=1) + forms
+    noisy = truth + matcher_noise(truth.shape, 0.2, 0.8)
+    patch = planned(noisy, 1.0).dtm
+    assert patch.noise == pytest.approx(0.2, rel=0.12)
+    assert 0.6 < depth(patch.heights, places, 12) / depth(truth, places, 12) < 1.05
+    assert 0.6 < rms_deviation(patch.heights, 1) / rms_deviation(truth, 1) < 1.3
+    assert np.std(patch.heights - truth) < 0.6 * np.std(noisy - truth)
+
+
+def test_nothing_stands_out_of_noise_alone():
+    noise = matcher_noise((256, 256), 0.3, 0.8)
+    out = landforms(noise + self_affine(256, hurst=0.8, deviation=0.05, seed=1), everywhere(noise))
+    assert np.std(out) < 0.1 * 0.3
+    assert np.mean(out != 0.0) < 0.02
+
+
+def test_a_massif_does_not_roughen_the_plain_beside_it():
+    plain = self_affine(192, hurst=0.8, deviation=0.02, seed=1)
+    massif = 50.0 * self_affine(192, hurst=0.8, deviation=0.02, seed=2) * (np.arange(192) >= 96)
+    near, alone = (
+        local_square_increments(heights, 1, everywhere(heights), 1.0)[:, :70].mean()
+        for heights in (plain + massif, plain)
+    )
+    assert near == pytest.approx(alone, rel=0.02)
 
 
 def test_what_is_not_measured_does_not_tell_how_rough_the_ground_is(monkeypatch):
@@ -258,16 +338,6 @@ def test_steps_of_a_clean_dtm_are_no_more_than_rounding(step):
             assert floor.deviation == pytest.approx(step / np.sqrt(12.0), rel=0.1)
             error = denoised(heights, floor, stage_key(1, "noise")) - clean_heights
             assert error.std() < step / np.sqrt(12.0)
-
-
-def self_affine(side, *, hurst, deviation, seed):
-    """Heights of a periodic self-affine surface [m], shape [side, side]."""
-    rng, waves = np.random.default_rng(seed), np.fft.fftfreq(side)
-    number = np.hypot(*np.meshgrid(waves, waves))
-    number[0, 0] = 1.0
-    noise = np.fft.fft2(rng.normal(size=(side, side)))
-    surface = np.fft.ifft2(noise * number ** -(hurst + 1.0)).real
-    return deviation * surface / surface.std()
 
 
 @pytest.mark.slow
