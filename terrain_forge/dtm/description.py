@@ -169,7 +169,13 @@ def site_warnings(site: Site) -> list[str]:
             f"the DTM had noise of {_metres(dtm.noise)} RMS, which was taken away: heights are the "
             "DTM's within that only; dtm.noise: keep leaves it in, a figure says how much it is"
         )
-    if dtm.doubt:
+    if dtm.doubt and dtm.doubtful < 1.0:
+        found.append(
+            f"at least {dtm.doubtful:.0%} of the DTM seems to have noise of {_metres(dtm.doubt)} "
+            "RMS, the rest has none: it is left in, and the ground is made too rough there; choose "
+            "another part, or give dtm.noise, which smooths the rest too"
+        )
+    elif dtm.doubt:
         found.append(
             f"the DTM may have noise of {_metres(dtm.doubt)} RMS: that fits it better than ground "
             "alone, but not clearly; it is left in and continued as ground; as dtm.noise a figure "

@@ -37,6 +37,10 @@ from terrain_forge.dtm.point_posts import are_points
 
 FEWEST_POSTS = 96
 """Posts a side below which no noise is looked for."""
+_SQUARES = 8
+"""Squares each way, at most, in which noise is looked for that only a part has."""
+_FEWEST = 2, 0.15
+"""Squares with noise, and part of all of them, at least: one in fifty has some by chance."""
 LARGEST = 0.6
 """RMS noise, in postings, beyond which relief is no matcher's error."""
 _BETAS = np.arange(30, 41) / 10.0
@@ -53,6 +57,9 @@ _MOST_UNEVEN = 4.0
 """Mean square of noise in all of a DTM over that in its quietest parts, at most."""
 _WHOLE = 1.1
 """Part of the mean square increments that noise may have, all of them and what a fit is off by."""
+_GIVEN = 0.01, 2.0
+"""Part of them that noise which is given has: less changes nothing that counts, more is no noise of
+this DTM."""
 _SHORTEST = 0.35  # cycles per post, which increments over one and two posts look at
 _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _FOLDS = 2  # cycles per post, either way, that are folded into a spectrum of points
@@ -165,6 +172,9 @@ def find_noise(
     fits = sorted(both, key=lambda fit: fit.misfit)
     if given is not None:
         best = fits[0]
+        share = _share(heights, trusted, given, best.window)
+        if not _GIVEN[0] < share < _GIVEN[1]:
+            return FoundNoise()
         floor = _floor(heights, trusted, best.deviation, best.window, best.level, given=True)
         return FoundNoise(floor=floor)
     bare, rounded = _fit_ground(number, quiet, error), _fit_rounded(number, quiet, error, step)
@@ -190,6 +200,36 @@ def find_noise(
         floor = _floor(heights, trusted, by_steps, EACH, by_steps**2, given=True)
         return FoundNoise(floor=floor)
     return found
+
+
+def find_noisy_part(heights: Array, posting: float, trusted: Mask) -> tuple[float, float]:
+    """Noise that only a part of a DTM has, whose quietest parts have none.
+
+    Args:
+        heights: the DTM around the site [m].
+        posting: distance of its posts [m].
+        trusted: posts that are measured, not filled in.
+
+    Returns:
+        RMS noise [m] and the part of the DTM that has it, 0 to 1; 0 and 0 without any.
+    """
+    counts = [min(2 * n // FEWEST_POSTS - 1, _SQUARES) for n in heights.shape]
+    if max(counts) < 2 or min(counts) < 1:
+        return 0.0, 0.0
+    rows, columns = (
+        np.arange(count) * (n - FEWEST_POSTS) // max(count - 1, 1)
+        for n, count in zip(heights.shape, counts, strict=True)
+    )
+    found = []
+    for row in rows.tolist():
+        for column in columns.tolist():
+            square = np.s_[row : row + FEWEST_POSTS, column : column + FEWEST_POSTS]
+            floor = find_noise(heights[square], posting, trusted[square]).floor
+            found.append(floor.deviation if floor else 0.0)
+    noisy = np.array(found)[np.array(found) > 0.0]
+    if len(noisy) < max(_FEWEST[0], _FEWEST[1] * len(found)):
+        return 0.0, 0.0
+    return float(np.median(noisy)), len(noisy) / len(found)
 
 
 def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:

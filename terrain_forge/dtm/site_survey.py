@@ -18,7 +18,7 @@ from terrain_forge.dtm.far import (
 from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.landforms import landforms
 from terrain_forge.dtm.lattice import patch_pixels
-from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise
+from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise, find_noisy_part
 from terrain_forge.dtm.point_posts import are_points, means_of_points
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts
@@ -171,10 +171,13 @@ def _without_noise(
     step = height_step(patch.heights[measured])
     found, forms = _noise_beside_forms(patch, measured, given, step)
     floor, patch = found.floor, patch.replace(doubt=found.doubt)
+    if floor is None and given is None and not found.doubt:
+        noisy, part = find_noisy_part(patch.heights, patch.posting, measured)
+        patch = patch.replace(doubt=noisy, doubtful=part) if noisy else patch
     if floor is None and given is not None:
         kept = (
             f"noise of {given:.2g} m could not be told from the ground, it is kept: that takes "
-            "64 × 64 measured posts with relief"
+            "64 × 64 measured posts, and noise that has 1 to 200 % of their mean square increments"
         )
         return patch.replace(repairs=(*patch.repairs, kept)), None
     if floor is None and are_points(patch.heights, measured):

@@ -39,6 +39,8 @@ class DtmPatch(Record):
     """Longest wavelength at which that noise hid the ground [m]; 0 without noise."""
     doubt: float = 0.0
     """RMS of noise that the DTM may have and that was left in it [m]; 0 if it has none."""
+    doubtful: float = 1.0
+    """Part of the DTM that may have it, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

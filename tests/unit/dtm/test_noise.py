@@ -154,6 +154,30 @@ def test_craters_stand_out_of_noise():
     assert np.std(patch.heights - truth) < 0.6 * np.std(noisy - truth)
 
 
+@pytest.mark.parametrize("columns", [64, 96])
+def test_noise_in_a_part_of_a_dtm_is_warned_of(columns):
+    """Its quietest parts tell of none, so that it is left in."""
+    clean_ground = self_affine(192, hurst=0.8, deviation=0.08, seed=3)
+    noise = matcher_noise(clean_ground.shape, 0.4, 0.8)
+    noise[:, columns:] = 0.0
+    site = planned(clean_ground + noise, 1.0)
+    assert site.dtm.noise == 0.0
+    assert site.dtm.doubt == pytest.approx(0.4, rel=0.4)
+    assert 0.15 < site.dtm.doubtful < 0.5
+    told = " ".join(site_warnings(site))
+    assert f"at least {site.dtm.doubtful:.0%} of the DTM seems to have noise of" in told
+    assert planned(clean_ground, 1.0).dtm.doubt == 0.0
+
+
+@pytest.mark.parametrize("given", [1e-9, 50.0])
+def test_noise_that_is_given_must_be_some_of_the_dtms(given):
+    heights = self_affine(192, hurst=0.8, deviation=0.08, seed=3)
+    patch = planned(heights, 1.0, noise=given).dtm
+    assert patch.noise == 0.0
+    assert np.array_equal(patch.heights, heights)
+    assert "it is kept" in patch.repairs[-1]
+
+
 def test_nothing_stands_out_of_noise_alone():
     noise = matcher_noise((256, 256), 0.3, 0.8)
     out = landforms(noise + self_affine(256, hurst=0.8, deviation=0.05, seed=1), everywhere(noise))
