@@ -37,7 +37,7 @@ from terrain_forge.dtm.point_posts import are_points
 
 FEWEST_POSTS = 96
 """Posts a side below which no noise is looked for."""
-_SQUARES = 8
+_SQUARES = 5
 """Squares each way, at most, in which noise is looked for that only a part has."""
 _FEWEST = 2, 0.15
 """Squares with noise, and part of all of them, at least: one in fifty has some by chance."""
