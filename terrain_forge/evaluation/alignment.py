@@ -26,6 +26,7 @@ def associate(
     *,
     association: Association = "nearest",
     most: float = 0.01,
+    gap: float = 1.0,
 ) -> tuple[TimedPoses, TimedPoses]:
     """Poses of truth and estimate at the same times, as many of one as of the other.
 
@@ -34,8 +35,9 @@ def associate(
         estimate: The estimate.
         association: `nearest`: of the trajectory with fewer poses each, the nearest in time of the
             other (as evo does); `interpolated`: the truth between its poses at the estimate's
-            times.
+            times, but not across its gaps.
         most: Largest difference of nearest times [s].
+        gap: Largest time between two poses of the truth that it is interpolated between [s].
 
     Raises:
         DataError: if less than three poses belong together, or one is no poses.
@@ -48,8 +50,8 @@ def associate(
         if not len(poses.time):
             raise DataError(f"{name} has no poses")
     if association == "interpolated":
-        within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
-        _require_enough(within, truth, estimate)
+        within = _within(estimate.time, truth.time, gap)
+        _require_enough(within, truth, estimate, f", and gap_s is {gap:g} s")
         kept = estimate.select(np.flatnonzero(within))
         return truth.at(kept.time), kept
     swapped = len(truth.time) < len(estimate.time)
@@ -59,6 +61,15 @@ def associate(
     _require_enough(close, truth, estimate, f", and most_apart_s is {most:g} s")
     found = short.select(np.flatnonzero(close)), long.select(rows[close])
     return found if swapped else found[::-1]
+
+
+def _within(time: Array, sorted_times: Array, gap: float) -> Mask:
+    """Which times lie at sorted ones, or between two that are no farther apart than a gap [s]."""
+    before = np.searchsorted(sorted_times, time, side="right") - 1
+    after = np.searchsorted(sorted_times, time)
+    inside = (before >= 0) & (after < len(sorted_times))
+    steps = sorted_times[np.where(inside, after, 0)] - sorted_times[np.where(inside, before, 0)]
+    return np.asarray(inside & (steps <= gap))
 
 
 def _require_enough(paired: Mask, truth: TimedPoses, estimate: TimedPoses, near: str = "") -> None:

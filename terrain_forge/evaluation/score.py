@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
@@ -48,7 +49,8 @@ class ScoreOptions(Spec):
     """Distance along the true path at which drift looks at poses [m]; 0: at all poses, as the paper
     may have. A jittering estimate's path grows with the rate of its poses, not with its error."""
     gap_s: Annotated[float, Interval(ge=0.001, le=1000)] = 1.0
-    """The system was lost where its poses are farther apart than this [s]."""
+    """The system was lost where its poses are farther apart than this [s]; a piece of the path with
+    such a gap is not scored, nor are poses in one of the truth that is interpolated."""
     loop_m: Positive = 2.0
     """How near each other the ends of a loop closure must truly be [m]."""
     loop_apart_m: Positive = 10.0
@@ -93,7 +95,7 @@ class Score(Record):
     """Absolute trajectory error, distances after the alignment [m]."""
     drift: Spread | None
     """Relative error of the path's length, |l - l*| / l*, over the option's length [1]; None where
-    the path is shorter."""
+    no such piece was followed without a gap."""
     rpe: Spread | None
     """Relative pose error over the same length: distance [m] between where the estimate's own
     motion leads and the truth."""
@@ -117,8 +119,13 @@ class Score(Record):
         """Why figures are missing; empty where none are."""
         if self.drift is not None:
             return ""
-        over = dict(self.options)["drift_over_m"]
-        return f"no TDr: the path of {self.length:.3g} m is shorter than drift_over_m, {over:g} m"
+        options = dict(self.options)
+        over, gap = float(options["drift_over_m"]), float(options["gap_s"])
+        if self.length < over:
+            why = f"the path of {self.length:.3g} m is shorter than drift_over_m, {over:g} m"
+        else:
+            why = f"no {over:g} m of the path are without a gap longer than gap_s, {gap:g} s"
+        return f"no TDr: {why}"
 
 
 def spread(errors: Array) -> Spread | None:
@@ -150,15 +157,22 @@ def score_poses(
     """
     options = options or ScoreOptions()
     true, told = associate(
-        truth, estimate, association=options.association, most=options.most_apart_s
+        truth,
+        estimate,
+        association=options.association,
+        most=options.most_apart_s,
+        gap=options.gap_s,
     )
     laid, motion = aligned(true, told, part=options.align, by=options.third_by, scale=options.scale)
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)
     assert ate is not None
-    lengths, pairs = _segments(true, laid, over=options.drift_over_m, apart=options.stations_m)
+    gaps = _gaps(laid, options.gap_s)
+    lengths, pairs = _segments(
+        true, laid, gaps, over=options.drift_over_m, apart=options.stations_m
+    )
     away, angle = relative_errors(true, laid, pairs)
-    kitti = _kitti(true, laid)
+    kitti = _kitti(true, laid, gaps)
     return Score(
         name=estimate.name,
         options=tuple(vars(options).items()),
@@ -187,16 +201,23 @@ def _tracked(truth: TimedPoses, estimate: TimedPoses, gap: float) -> float:
     return min(float(steps[steps <= gap].sum()) / whole, 1.0)
 
 
+def _gaps(poses: TimedPoses, gap: float) -> NDArray[np.intp]:
+    """How many gaps longer than a time [s] lie before each pose."""
+    return np.concatenate([[0], np.cumsum(np.diff(poses.time) > gap)])
+
+
 def _segments(
-    truth: TimedPoses, estimate: TimedPoses, *, over: float, apart: float
+    truth: TimedPoses, estimate: TimedPoses, gaps: NDArray[np.intp], *, over: float, apart: float
 ) -> tuple[Array, Array]:
     """Relative errors of the length of pieces of the path, and the poses where they begin and end.
 
     A piece begins at each station, or pose, and ends at the first that is as far on by the true
-    path; stations are taken a little closer where the length is no multiple of their distance.
+    path; stations are taken a little closer where the length is no multiple of their distance. One
+    with a gap in it was not followed and is left out: the line across would be without error.
     """
     whole = truth.stations
     true_at, told_at, rows = whole, estimate.stations, np.arange(len(whole))
+    before = rows
     if apart:
         apart = over / np.ceil(over / apart - 1e-9)
         if whole[-1] / apart > MAX_STATIONS:
@@ -210,10 +231,12 @@ def _segments(
         true_at = _lengths(truth, time)
         told_at = _lengths(estimate, time)
         rows = np.clip(np.searchsorted(truth.time, time), 0, len(whole) - 1)
+        before = np.clip(np.searchsorted(truth.time, time, side="right") - 1, 0, len(whole) - 1)
     ends = np.searchsorted(true_at, true_at + over * (1.0 - 1e-12))
     if apart:  # along the path, not along the lines between stations, which are shorter
         ends = np.arange(len(true_at)) + round(over / apart)
     begins = np.flatnonzero(ends < len(true_at))
+    begins = begins[gaps[before[begins]] == gaps[rows[ends[begins]]]]
     ends = ends[begins]
     true = true_at[ends] - true_at[begins]
     told = told_at[ends] - told_at[begins]
@@ -266,17 +289,20 @@ def _yaw_drift(truth: TimedPoses, estimate: TimedPoses, pairs: Array) -> Array:
     return np.asarray(np.abs(error[pairs[:, 1]] - error[pairs[:, 0]]))
 
 
-def _kitti(truth: TimedPoses, estimate: TimedPoses) -> tuple[float, float] | None:
-    """Mean relative errors over 100 to 800 m, from every tenth pose."""
+def _kitti(
+    truth: TimedPoses, estimate: TimedPoses, gaps: NDArray[np.intp]
+) -> tuple[float, float] | None:
+    """Mean relative errors over 100 to 800 m without a gap, from every tenth pose."""
     station = truth.stations
     moves, turns = [], []
     for length in KITTI_LENGTHS:
         begins = np.arange(0, len(station), 10)
         ends = np.searchsorted(station, station[begins] + length, side="right")
         inside = ends < len(station)
-        if not inside.any():
-            continue
         pairs = np.stack([begins[inside], ends[inside]], axis=-1)
+        pairs = pairs[gaps[pairs[:, 0]] == gaps[pairs[:, 1]]]
+        if not len(pairs):
+            continue
         away, angle = relative_errors(truth, estimate, pairs)
         moves.append(away / length)
         turns.append(angle / length)

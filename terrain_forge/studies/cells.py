@@ -18,7 +18,7 @@ from terrain_forge.recipe import sha256 as digest_of
 from terrain_forge.studies.factors import RECIPE, RECORD, Base, Factor, Level, factors_of, seeds_of
 from terrain_forge.studies.spec import RecordSpec, StudyFile
 
-VERSION = 1
+VERSION = 2
 """Raised when results of older cells are no longer comparable."""
 MOST_CELLS = 100_000
 

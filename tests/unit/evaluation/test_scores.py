@@ -137,6 +137,58 @@ def test_a_lost_system_tells_its_share():
     assert found.poses == 700
 
 
+@pytest.mark.parametrize("stations", [0.0, 0.5])
+def test_pieces_with_a_gap_are_not_scored(stations):
+    """Each piece that is scored is as wrong as the rest, and none is a line across the gap."""
+    truth = _circle(count=2400)
+    told = _turned(truth, Rotation.identity(), [0, 0, 0], scale=1.02)
+    options = ScoreOptions(stations_m=stations)
+    whole = score_poses(truth, told, options)
+    kept = np.r_[0:800, 1200:2400]  # a turn of 120 degrees is missing, 21 m of it
+    found = score_poses(truth, told.select(kept), options)
+    assert found.drift.most == pytest.approx(0.02, rel=1e-6)
+    assert found.rpe.rms == pytest.approx(whole.rpe.rms, rel=1e-3)
+    lost = 20.9 + 10.0  # pieces begin there that lie in it, or end after its begin
+    share = (whole.drift.count - found.drift.count) / whole.drift.count
+    assert share == pytest.approx(lost / (whole.length - 10.0), rel=0.02)
+    assert found.drift.count == found.rpe.count == found.yaw_drift.count
+    patient = ScoreOptions(stations_m=stations, gap_s=41.0)
+    assert score_poses(truth, told.select(kept), patient).drift.count > found.drift.count
+
+
+def test_kittis_pieces_have_no_gap_either():
+    s = np.linspace(0.0, 250.0, 2501)
+    truth = _poses(s, np.stack([s, 0 * s, 0 * s], axis=-1), _yaw(0 * s))
+    told = truth.replace(position=truth.position + 0.1 * (s[:, None] > 125.0))
+    late = told.select(np.r_[0:1200, 1300:2501])
+    assert score_poses(truth, told).kitti[0] > 1e-4
+    assert score_poses(truth, late).kitti[0] == pytest.approx(0.0, abs=1e-12)
+    assert score_poses(truth, told.select(np.r_[0:900, 920:1800, 1900:2501])).kitti is None
+
+
+def test_a_system_that_was_lost_in_each_piece_has_no_drift():
+    truth = _circle(count=240, rate=1.0)
+    scored = score_poses(truth, truth, ScoreOptions(gap_s=0.5))
+    assert scored.drift is scored.rpe is scored.yaw_drift is None
+    assert scored.note == "no TDr: no 10 m of the path are without a gap longer than gap_s, 0.5 s"
+
+
+def test_truth_is_not_interpolated_across_its_gaps():
+    truth = _circle(count=2400)
+    told = truth.replace(time=truth.time + 0.05)
+    gap = truth.select(np.r_[0:800, 1200:2400])
+    options = ScoreOptions(association="interpolated", align="none")
+    found = score_poses(gap, told, options)
+    assert found.poses == score_poses(truth, told, options).poses - 401
+    assert found.ate.most == pytest.approx(score_poses(truth, told, options).ate.most, rel=1e-6)
+    patient = ScoreOptions(association="interpolated", align="none", gap_s=50.0)
+    assert score_poses(gap, told, patient).ate.most > 1.0
+    with pytest.raises(DataError, match=r"found 0: .*, and gap_s is 0\.05 s"):
+        score_poses(truth, told, ScoreOptions(association="interpolated", gap_s=0.05))
+    at_its_poses, _ = associate(truth, truth, association="interpolated", gap=0.05)
+    assert len(at_its_poses.time) == 2400
+
+
 def test_a_delay_of_a_tenth_of_a_second_is_a_shift_along_the_path():
     truth = _circle(radius=1000.0, turns=0.01, count=2000, rate=20.0)
     speed = 1000.0 * 0.01 * 2 * np.pi / truth.time[-1]
