@@ -25,6 +25,7 @@ from terrain_forge.base import (
     silent,
     telling_interrupts,
 )
+from terrain_forge.building import holding
 from terrain_forge.datasets import (
     Recording,
     holds_format,
@@ -95,7 +96,8 @@ def evaluate_recording(
 
     Raises:
         DataError: if there is no recording, or it is broken; if two systems have one name.
-        OutputError: if earlier results would go, or a link leads to where results lie.
+        OutputError: if earlier results would go, a link leads to where results lie, or another
+            process writes there.
         KeyboardInterrupt: with how far it came.
     """
     require_distinct(adapters)
@@ -109,18 +111,18 @@ def evaluate_recording(
     written = (f"{RESULTS}/{adapter.name}_{number}" for adapter, number in order)
     for place in (f"{_INPUTS}/{_digest(recording)}", *written):
         require_unlinked(recording.folder, place)
-    kept = kept_results(
-        folder,
-        recording=_digest(recording),
-        options=options,
-        replaced={(adapter.name, number) for adapter, number in order},
-        force=force,
-    )
 
     def left() -> str:
         return f"{len(results)} of {len(adapters) * runs} runs are scored, in {folder}"
 
-    with telling_interrupts(left):
+    with telling_interrupts(left), holding(_held(recording)):
+        kept = kept_results(
+            folder,
+            recording=_digest(recording),
+            options=options,
+            replaced={(adapter.name, number) for adapter, number in order},
+            force=force,
+        )
         for (adapter, number), stage in zip(order, run_stages(adapters, runs), strict=True):
             progress(stage, 0.0)
             told = partial(_tell, progress, stage)
@@ -134,6 +136,12 @@ def run_stages(adapters: Sequence[Adapter], runs: int = 1) -> list[str]:
     """What `evaluate_recording` tells of as its stages, one for each run."""
     numbers = [f" {number}" if runs > 1 else "" for number in range(1, runs + 1)]
     return [f"run {adapter.name}{number}" for adapter in adapters for number in numbers]
+
+
+def _held(recording: Recording) -> Path:
+    """What must not be written meanwhile: the world of a recording, as `record` holds it, or it."""
+    folder = recording.folder.resolve()
+    return folder.parent if (folder.parent / "world").is_dir() else folder
 
 
 def _tell(progress: Progress, stage: str, busy: str, _: float) -> None:

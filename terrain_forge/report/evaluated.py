@@ -15,6 +15,7 @@ from terrain_forge.base import (
     resolved,
     silent,
 )
+from terrain_forge.building import holding
 from terrain_forge.evaluation import (
     RESULTS,
     Adapter,
@@ -71,7 +72,7 @@ def evaluate(
 
     Raises:
         DataError: if there is no recording, or it is broken.
-        OutputError: if earlier results would go.
+        OutputError: if earlier results would go, or another process writes there.
     """
     out = resolved(out)
     require_unlinked(out, dataset_folder(out).name)
@@ -82,14 +83,14 @@ def evaluate(
     )  # fmt: skip
     if (out / "world").is_dir() and dataset_folder(out).is_dir():
         world = World.load(out)
-        _score_own_maps(world, results, dataset_folder(out) / RESULTS, progress, force=force)
+        _score_own_maps(world, results, out, progress, force=force)
         progress("report page", 0.0)
         renew_report_page(world, out)
     return results
 
 
 def _score_own_maps(
-    world: World, results: Sequence[Result], folder: Path, progress: Progress, *, force: bool
+    world: World, results: Sequence[Result], out: Path, progress: Progress, *, force: bool
 ) -> None:
     """Score the maps that systems made, each laid on the world as the trajectory of its run."""
     found = []
@@ -108,9 +109,16 @@ def _score_own_maps(
     try:
         grid = site_grid(world)
         scores = [score_map(world, one, grid) for one in found]
-        write_maps([*kept_maps(folder, scores, force=force), *scores], folder)
+        with holding(out):
+            _keep_maps(scores, out, force=force)
     except (DataError, OutputError) as error:
         _log.warning("maps are not scored: %s", error)
+
+
+def _keep_maps(scores: Sequence[MapScore], out: Path, *, force: bool) -> None:
+    """Write scores of maps beside those that are there."""
+    folder = dataset_folder(out) / RESULTS
+    write_maps([*kept_maps(folder, scores, force=force), *scores], folder)
 
 
 @checked
@@ -137,18 +145,20 @@ def evaluate_maps(
 
     Raises:
         DataError: for a map that cannot be read, or an area outside.
-        OutputError: if the folder holds no world, or the table there cannot be read.
+        OutputError: if the folder holds no world, the table there cannot be read, or another
+            process writes there.
     """
     out = resolved(out)
     require_unlinked(out, f"{dataset_folder(out).name}/{RESULTS}")
     progress("load", 0.0)
     world, folder = World.load(out), dataset_folder(out)
-    scores = score_maps(
-        world, maps, evaluated=folder / RESULTS, area=area, cell=cell, progress=progress
-    )
+    with holding(out):
+        scores = score_maps(
+            world, maps, evaluated=folder / RESULTS, area=area, cell=cell, progress=progress
+        )
+        if folder.is_dir():
+            _keep_maps(scores, out, force=force)
     if folder.is_dir():
-        kept = kept_maps(folder / RESULTS, scores, force=force)
-        write_maps([*kept, *scores], folder / RESULTS)
         progress("report page", 0.0)
         renew_report_page(world, out)
     return scores

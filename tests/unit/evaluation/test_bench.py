@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import DataError, OutputError
+from terrain_forge.building import holding
 from terrain_forge.datasets import FORMATS, open_recording, state_of, write_dataset
 from terrain_forge.evaluation import (
     ScoreOptions,
@@ -190,6 +191,17 @@ def test_an_interrupt_tells_what_is_scored(dataset, system):
     with pytest.raises(KeyboardInterrupt, match=r"^1 of 3 runs are scored, in .*slam$"):
         evaluate_recording(dataset, [adapter], runs=3, progress=interrupt)
     assert len(json.loads((dataset / "slam" / "evaluation.json").read_text())) == 1
+
+
+def test_one_evaluation_at_a_time(dataset, system):
+    """Each would write the table of what it knew when it began."""
+    adapter = find_system(system("noisy", _NOISY))
+    for held in (dataset, dataset.parent):
+        with holding(held), pytest.raises(OutputError, match="is being written by another"):
+            evaluate_recording(dataset, [adapter])
+        (dataset.parent / "world").mkdir(exist_ok=True)  # as `record` holds a world
+    evaluate_recording(dataset, [adapter])
+    assert not list(dataset.parent.rglob(".terrain-forge*"))
 
 
 _SPOILING = """
