@@ -99,10 +99,16 @@ def result_rows(results: Sequence[Result]) -> list[list[str]]:
         if beside:
             told = paper[name]
             row += [told.system, f"{told.ate:.4g}", _percent(told.drift)] if told else [""] * 3
-        wrong = [f"{one.run.status}: {one.run.why}" for one in mine if one.score is None]
-        notes = [one.score.note for one in mine if one.score and one.score.note]
-        rows.append([*row, (*wrong, *notes, "done")[0]])
+        rows.append([*row, _outcome(mine)])
     return rows
+
+
+def _outcome(results: Sequence[Result]) -> str:
+    """What went wrong in a system's runs, the first of each kind, or that they are done."""
+    failures = [f"{one.run.status}: {one.run.why}" for one in results if one.score is None]
+    faults = [one.run.why for one in results if one.score and one.run.why]  # of loop closures, maps
+    notes = [one.score.note for one in results if one.score and one.score.note]
+    return "; ".join(kind[0] for kind in (failures, faults, notes) if kind) or "done"
 
 
 def _figures(results: Sequence[Result]) -> list[str]:

@@ -107,6 +107,8 @@ def test_a_system_may_tell_its_loops(tmp_path):
     assert "1 of 1, 1 of 1 revisits" in result_lines([good])[1]
     assert (bad.run.status, bad.loops) == ("done", None)
     assert bad.run.why == "loop closures: bad: stamp 9 is no frame of 0 to 4"
+    for one in (bad, broken):
+        assert result_lines([one])[-1].startswith(f"{one.run.system}: {one.run.why}; no TDr")
     assert broken.run.status == "done"
     assert broken.run.why == "loop closures: closures.txt:1: 1 numbers, must be 2"
     good = tmp_path / "good.yaml"
