@@ -38,9 +38,7 @@ from .poses import TimedPoses as TimedPoses
 from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses
 from .program import Program as Program
-from .results import ERRORS as ERRORS
 from .results import Result as Result
-from .results import read_errors as read_errors
 from .results import result_lines as result_lines
 from .results import result_plain as result_plain
 from .results import write_results as write_results
@@ -49,6 +47,8 @@ from .score import ScoreOptions as ScoreOptions
 from .score import Spread as Spread
 from .score import relative_errors as relative_errors
 from .score import score_poses as score_poses
+from .stamped import ERRORS as ERRORS
+from .stamped import read_errors as read_errors
 from .tables import MAPS as MAPS
 from .tables import latex_table as latex_table
 from .tables import require_no_tables as require_no_tables

@@ -27,6 +27,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.building import holding
 from terrain_forge.datasets import (
+    Poses,
     Recording,
     holds_format,
     open_recording,
@@ -54,8 +55,9 @@ from terrain_forge.evaluation.needs import (
 )
 from terrain_forge.evaluation.paper_table import write_paper_table
 from terrain_forge.evaluation.poses import TimedPoses
-from terrain_forge.evaluation.results import ERRORS, Result, write_errors, write_results
+from terrain_forge.evaluation.results import Result, write_results
 from terrain_forge.evaluation.score import ScoreOptions, score_poses
+from terrain_forge.evaluation.stamped import ERRORS, write_errors, write_poses
 
 RESULTS = "slam"
 """Where results lie, in the recording's folder."""
@@ -162,7 +164,8 @@ def _result(
     progress: Progress,
 ) -> Result:
     keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
-    (keep / ERRORS).unlink(missing_ok=True)  # an earlier run's
+    for name in (ERRORS, f"{adapter.name}.tum"):  # an earlier run's
+        (keep / name).unlink(missing_ok=True)
     frame, frames = adapter.frame.strip("{}"), 0
     try:
         places = _places(recording, adapter, inputs, progress)
@@ -183,10 +186,12 @@ def _result(
     score, closures = None, None
     if run.estimate is not None:
         try:
-            truth = truth_of(recording, frame)
+            truth, stamps = truth_of(recording, frame), _true_poses(recording, frame).stamps
             estimate = _timed(run.estimate, adapter, truth)
+            if adapter.format == "kitti":  # which has no times
+                write_poses(estimate, keep / f"{adapter.name}.tum", stamps)
             score = score_poses(truth, estimate, options)
-            write_errors(score, keep / ERRORS)
+            write_errors(score, keep / ERRORS, stamps)
             closures, wrong = _closures(run, adapter, truth, options)
             run = run.replace(why=wrong or run.why)
         except DataError as error:
@@ -249,17 +254,21 @@ def truth_of(recording: Recording, frame: str) -> TimedPoses:
     Raises:
         DataError: if it was not recorded.
     """
-    poses = recording.base_poses
-    if frame == "body":
-        poses = recording.body_poses
-    elif frame != "base_link":
-        poses = recording.truth_of(recording.sensor(frame))
+    poses = _true_poses(recording, frame)
     return TimedPoses(
         name=frame,
         time=np.asarray(poses.stamps / 1e9, np.float64),
         position=poses.position,
         quaternion=poses.quaternion,
     )
+
+
+def _true_poses(recording: Recording, frame: str) -> Poses:
+    if frame == "body":
+        return recording.body_poses
+    if frame == "base_link":
+        return recording.base_poses
+    return recording.truth_of(recording.sensor(frame))
 
 
 def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPoses:

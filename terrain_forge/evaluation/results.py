@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Record, read_text, write_whole
+from terrain_forge.base import Record, write_whole
 from terrain_forge.evaluation.adapter import Run
 from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.paper import SETUP, paper_figure
 from terrain_forge.evaluation.score import Score
 from terrain_forge.evaluation.tables import score_plain, table_lines, write_table
 
-ERRORS = "errors.csv"
-"""Where the estimate lies, and how far it is off, in the folder of a system's run."""
-ERROR_COLUMNS = "time [s]", "path length [m]", "x [m]", "y [m]", "z [m]", "error [m]"
 _HEAD = (
     "system", "runs", "length [m]", "tracked [%]", "ATE [m]", "ATE of runs [m]",
     "TDr median [%]", "TDr rms [%]", "loops right", "processor [s/frame]", "memory [MB]",
@@ -185,28 +181,3 @@ def write_results(results: Sequence[Result], folder: Path) -> list[Path]:
     text = folder / "evaluation.txt"
     write_whole(text, "\n".join(result_lines(results)) + "\n")
     return [*paths, text]
-
-
-def write_errors(score: Score, path: Path) -> None:
-    """Write the estimate's places in the truth's frame, and their errors, as CSV."""
-    table = np.column_stack([score.time, score.station, score.aligned, score.errors])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = StringIO()
-    np.savetxt(text, table, fmt=["%.9f", *["%.6f"] * 5], delimiter=",", newline="\n")
-    write_whole(path, ",".join(ERROR_COLUMNS) + "\n" + text.getvalue())
-
-
-def read_errors(path: Path) -> Array:
-    """The rows of `write_errors`: time, path length, x, y, z, error; shape [poses, 6].
-
-    Raises:
-        DataError: if it cannot be read.
-    """
-    text = read_text(path, str(path), most=2**30)
-    try:
-        table = np.loadtxt(text.splitlines(), delimiter=",", skiprows=1, ndmin=2)
-    except ValueError as error:
-        raise DataError(f"{path}: {error}") from None
-    if table.shape[1:] != (len(ERROR_COLUMNS),):
-        raise DataError(f"{path}: must have the columns {', '.join(ERROR_COLUMNS)}")
-    return table

@@ -168,6 +168,21 @@ def test_kittis_format_needs_no_pose_of_each_frame_where_stamps_are_told(dataset
     assert whys[1:] == ["wrong: stamp 9 is no frame of 0 to 4", "wrote no stamps (none.txt)"]
 
 
+def test_what_is_kept_has_the_stamps_of_the_recording(dataset, system):
+    """To the digit, and so that files can be scored again."""
+    names = system("noisy", _NOISY), system("kitti", _KITTI, input="kitti", format="kitti")
+    evaluate_recording(dataset, [find_system(name) for name in names])
+    truth = dataset / "truth" / "cam0.tum"
+    stamps = [line.split()[0] for line in truth.read_text().splitlines() if line[0] != "#"]
+    for name in ("noisy", "kitti"):
+        rows = (dataset / "slam" / f"{name}_1" / "errors.csv").read_text().splitlines()[1:]
+        assert [row.partition(",")[0] for row in rows] == stamps
+    kept = dataset / "slam" / "kitti_1" / "kitti.tum"
+    assert [line.split()[0] for line in kept.read_text().splitlines()] == stamps
+    done = command_line.run("evaluate", "--truth", truth, "--estimate", kept)
+    assert done.stdout.splitlines()[1].split()[:2] == ["kitti", "100"]
+
+
 def test_runs_have_a_spread(dataset, system):
     body = "import pathlib\n" + textwrap.dedent(_NOISY).replace(
         "0.01", "0.01 * (1 + len(list(pathlib.Path(source).glob('slam/*/*.tum'))))"
