@@ -29,8 +29,9 @@ SENSOR_PLACES = {
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _KEPT = 2**24
 """Bytes of what a program printed or wrote that are kept."""
-_LOG = "output.txt"
-_MAP = "map"
+LOG = "output.txt"
+"""Name of the file of what a program printed."""
+MAP = "map"
 """Name of a map that is kept, without its ending."""
 _OWN = "own_s.txt"
 """Where a driver tells its own processor time."""
@@ -231,8 +232,8 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
                 loops, why = _closures(folder, closures)
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
-            (keep / _LOG).unlink(missing_ok=True)
-            (keep / _LOG).write_bytes(_end_of(folder / _LOG, _KEPT))
+            (keep / LOG).unlink(missing_ok=True)
+            (keep / LOG).write_bytes(_end_of(folder / LOG, _KEPT))
             trajectory = keep / f"{adapter.name}.{adapter.format}"
             trajectory.unlink(missing_ok=True)  # an earlier run's
             if len(files := _found(folder, pattern)) == 1:
@@ -240,7 +241,7 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             made, wrong = _kept_map(folder, chart, keep)
             why = why or (wrong if status == "done" else "")
         used = _without_own(folder, used)
-        last = _end_of(folder / _LOG, 4000).decode(errors="replace")
+        last = _end_of(folder / LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
@@ -250,7 +251,7 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
 
 def _kept_map(folder: Path, pattern: str, keep: Path) -> tuple[Path | None, str]:
     """A copy of the map that a program made, and what is wrong with it; an earlier run's goes."""
-    for older in keep.glob(f"{_MAP}.*"):
+    for older in keep.glob(f"{MAP}.*"):
         older.unlink()
     if not pattern:
         return None, ""
@@ -258,7 +259,7 @@ def _kept_map(folder: Path, pattern: str, keep: Path) -> tuple[Path | None, str]
         path = _one_file(folder, pattern, "map")
     except DataError as error:
         return None, str(error)
-    return Path(shutil.copyfile(path, keep / f"{_MAP}{path.suffix}")), ""
+    return Path(shutil.copyfile(path, keep / f"{MAP}{path.suffix}")), ""
 
 
 def _without_own(folder: Path, used: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -288,7 +289,7 @@ def _watched(
 ) -> tuple[str, str, tuple[float, float, float]]:
     """Status, what was wrong, and seconds, processor time and memory of a program."""
     begin = time.monotonic()
-    program = Program(words, folder=folder, log=folder / _LOG, environment=adapter.environment)
+    program = Program(words, folder=folder, log=folder / LOG, environment=adapter.environment)
     with program:
         late = not program.ended(adapter.timeout_s)
     told = program.used
@@ -299,7 +300,7 @@ def _watched(
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
     if status := program.status:
         how = f"signal {-status}" if status < 0 else f"status {status}"
-        lines = _end_of(folder / _LOG, 4000).decode(errors="replace").strip().splitlines()
+        lines = _end_of(folder / LOG, 4000).decode(errors="replace").strip().splitlines()
         return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
     return "done", "", used
 

@@ -45,7 +45,7 @@ from terrain_forge.evaluation.catalogue import (
     vocabulary_of,
     with_binaries,
 )
-from terrain_forge.evaluation.kept import kept_results
+from terrain_forge.evaluation.kept import forget_runs, kept_results
 from terrain_forge.evaluation.loops import LoopScore, score_loops
 from terrain_forge.evaluation.needs import (
     frames_given,
@@ -118,7 +118,7 @@ def evaluate_recording(
         return f"{len(results)} of {len(adapters) * runs} runs are scored, in {folder}"
 
     with telling_interrupts(left), holding(_held(recording)):
-        kept = kept_results(
+        kept, gone = kept_results(
             folder,
             recording=_digest(recording),
             options=options,
@@ -131,6 +131,7 @@ def evaluate_recording(
             results.append(_result(recording, adapter, number, inputs, options, told))
             write_results([*kept, *results], folder)  # an interrupt loses one run only
             write_paper_table(recording, [*kept, *results], folder)
+            forget_runs(folder, gone)
     return results
 
 

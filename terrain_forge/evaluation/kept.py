@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from terrain_forge.base import DataError, OutputError, read_json
-from terrain_forge.evaluation.adapter import Run
+from terrain_forge.evaluation.adapter import LOG, MAP, OutputFormat, Run
 from terrain_forge.evaluation.loops import LoopScore
 from terrain_forge.evaluation.results import Result
 from terrain_forge.evaluation.score import Score, ScoreOptions, Spread
+from terrain_forge.evaluation.stamped import ERRORS
 from terrain_forge.evaluation.tables import TABLE
 
 _SPREADS = {
@@ -30,8 +32,10 @@ def kept_results(
     options: ScoreOptions,
     replaced: Collection[tuple[str, int]],
     force: bool = False,
-) -> list[Result]:
-    """Results of a folder's table that stay when others are added; of each pose they tell nothing.
+) -> tuple[list[Result], list[Result]]:
+    """Results of a folder's table that stay when others are added, and those that go.
+
+    Of each pose they tell nothing.
 
     Args:
         folder: Where the table lies.
@@ -58,7 +62,23 @@ def kept_results(
             f"{path} has results of {', '.join(rest)}, of another recording or otherwise scored: "
             "evaluate these too, or drop them by --force"
         )
-    return fitting
+    return fitting, [one for one in others if one not in fitting]
+
+
+def forget_runs(folder: Path, results: Collection[Result]) -> None:
+    """Remove what was kept of runs whose results went; what others put beside it stays."""
+    places = {path.name: path for path in folder.iterdir() if path.is_dir()}
+    for one in results:
+        name = one.run.system
+        place = places.get(f"{name}_{one.number}")
+        if place is None or place.is_symlink():
+            continue
+        ours = {LOG, ERRORS, *(f"{name}.{ending}" for ending in get_args(OutputFormat))}
+        for path in place.iterdir():
+            if (path.name in ours or path.stem == MAP) and not path.is_dir():
+                path.unlink()
+        with suppress(OSError):  # it holds something of others
+            place.rmdir()
 
 
 def _fits(result: Result, recording: str, options: ScoreOptions) -> bool:

@@ -243,10 +243,27 @@ def test_inputs_are_made_anew_where_a_system_spoiled_them_or_the_recording_grew(
     chosen = chosen_systems(names[1], dataset)
     with pytest.raises(OutputError, match="has results of spoiling, of another recording"):
         evaluate_recording(dataset, chosen)
+    dropped = dataset / "slam" / "spoiling_1"
+    assert (dropped / "output.txt").is_file()
     (one,) = evaluate_recording(dataset, chosen, force=True)
     assert one.score is not None
     assert not of.exists()
     assert _rows(dataset) == [("kitti", 1)]
+    assert not dropped.exists()
+
+
+def test_what_others_put_beside_a_dropped_run_stays(dataset, system):
+    evaluate_recording(dataset, [find_system(system("noisy", _NOISY))])
+    slam = dataset / "slam"
+    (slam / "noisy_1" / "notes.txt").write_text("mine")
+    table = slam / "evaluation.json"
+    table.write_text(table.read_text().replace('"system": "noisy"', '"system": "../slam/noisy"'))
+    kitti = find_system(system("kitti", _KITTI, input="kitti", format="kitti"))
+    evaluate_recording(dataset, [kitti], options=ScoreOptions(scale=True), force=True)
+    assert (slam / "noisy_1" / "noisy.tum").is_file()
+    evaluate_recording(dataset, [find_system(system("noisy", _NOISY))], force=True)
+    evaluate_recording(dataset, [kitti], options=ScoreOptions(scale=True), force=True)
+    assert [path.name for path in (slam / "noisy_1").iterdir()] == ["notes.txt"]
 
 
 def test_a_format_that_lies_there_is_read_if_it_is_of_the_recording_as_it_is(dataset, system):
