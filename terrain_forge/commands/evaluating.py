@@ -5,9 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from terrain_forge.base import OutputError
 from terrain_forge.terminal import SCORING, Command, Display, Number, Numbers
+
+_FILES = {"truth", "estimates", "stamps", "changes", "out", "force"}
+"""Options that serve where files are scored."""
+_SYSTEMS = {"systems", "binaries", "runs", "timeout", "changes", "out", "force"}
+_MAPS = {"maps", "area", "cell", "out", "force"}
+_LACKING = {"stamps": "--estimate", "area": "--map", "cell": "--map"}
+"""What others have no effect without."""
 
 
 @click.command(cls=Command)
@@ -105,9 +113,16 @@ def evaluate(
 
     options = read_options(changes)
     if listed:
+        _require_effect({"listed"}, beside="--list")
         return list_systems()
     if install:
+        _require_effect({"install"}, beside="--install")
         return install_named(install)
+    running = bool(systems or binaries or not maps)
+    if truth or estimates:
+        _require_effect(_FILES, beside="--truth and --estimate")
+    else:
+        _require_effect((_SYSTEMS if running else set()) | (_MAPS if maps else set()))
     if out and not force:
         require_no_tables(out)
     if truth and estimates:
@@ -115,7 +130,7 @@ def evaluate(
     if truth or estimates or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     status = 0
-    if systems or binaries or not maps:
+    if running:
         chosen = chosen_systems(",".join(systems) if systems else None, paths[0], binaries)
         with Display(report.evaluate_stages(chosen, runs)) as display:
             results = report.evaluate(
@@ -130,3 +145,18 @@ def evaluate(
             )
         tell_maps(scores, out=out)
     return status
+
+
+def _require_effect(serving: set[str], *, beside: str = "") -> None:
+    """Refuse options that have no effect beside others, or without them.
+
+    Raises:
+        click.UsageError: names the first.
+    """
+    context = click.get_current_context()
+    for param in context.command.params:
+        name = str(param.name)
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and isinstance(param, click.Option) and name not in serving:
+            why = f"beside {beside}" if beside else f"without {_LACKING.get(name, '--systems')}"
+            raise click.UsageError(f"{param.opts[-1]} has no effect {why}: leave it out")

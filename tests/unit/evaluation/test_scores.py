@@ -354,6 +354,23 @@ def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
     assert mine.read_text() == "mine"
 
 
+def test_options_without_effect_are_refused(tmp_path):
+    files = "--truth", tmp_path / "a.tum", "--estimate", tmp_path / "b.tum"
+    for words, told in (
+        ((*files, "--systems", "imu"), "--systems has no effect beside --truth and --estimate"),
+        ((*files, "--runs", "1"), "--runs has no effect beside --truth and --estimate"),
+        ((*files, "--map", "a.ply"), "--map has no effect beside --truth and --estimate"),
+        ((tmp_path, "--stamps", "a.txt"), "--stamps has no effect without --estimate"),
+        ((tmp_path, "--cell", "0.15"), "--cell has no effect without --map"),
+        ((tmp_path, "--map", "a.ply", "--runs", "2"), "--runs has no effect without --systems"),
+        (("--list", "--force"), "--force has no effect beside --list"),
+    ):
+        done = run("evaluate", *words)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"terrain-forge: {told}: leave it out (see ")
+        assert done.stderr.count("\n") == 1
+
+
 def test_a_path_that_is_too_short_for_a_drift_says_so(tmp_path):
     truth = _circle(radius=1.0, turns=1.0, count=100)
     path = _write_tum(tmp_path / "gt.tum", truth)
