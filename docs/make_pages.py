@@ -42,8 +42,8 @@ or the system refused, code of another package failed, or an internal error; 130
 `export` is failed by the checks of what it wrote and by those that passed before, not by what
 failed before and has nothing to do with it. `evaluate` ends with 1 where no run of any system
 could be scored, with 2 where one of its files could not; `study` with 1 where a system has no
-score in one of its worlds, and `worlds` where one was not made. A server that is not reached is status 2, and the line
-says what to do offline.
+score in one of its worlds, and `worlds` where one was not made. A server that is not reached is
+status 2, and the line says what to do offline.
 
 **Progress** is one line on the error stream, with the stage, what it is busy with, a clock and
 the time left, which goes at the end. Where the error stream is no terminal, or `TERM=dumb`, each
