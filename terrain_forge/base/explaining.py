@@ -139,6 +139,8 @@ def _words(error: Any, key: Key) -> str:
             kinds = context["expected_tags"]
             hint = hint_at(str(context["tag"]), [kind.strip(" '") for kind in kinds.split(",")])
             return f"unknown kind {context['tag']!r}{hint}, allowed: {kinds}"
+        case "bool_type" | "bool_parsing":
+            return f"must be true or false, found {_shown(found)}"
         case "literal_error":
             allowed = context["expected"]
             words = re.findall("'([^']*)'", allowed)

@@ -102,7 +102,12 @@ def evaluate(
     alignment on the first third, drift of the path's length over 10 m.
     """
     from terrain_forge import report
-    from terrain_forge.evaluation import chosen_systems, read_options, require_no_tables
+    from terrain_forge.evaluation import (
+        chosen_systems,
+        read_options,
+        require_no_tables,
+        require_place,
+    )
     from terrain_forge.terminal import (
         install_named,
         list_systems,
@@ -123,6 +128,8 @@ def evaluate(
         _require_effect(_FILES, beside="--truth and --estimate")
     else:
         _require_effect((_SYSTEMS if running else set()) | (_MAPS if maps else set()))
+    if out:
+        require_place(out)
     if out and not force:
         require_no_tables(out)
     if truth and estimates:

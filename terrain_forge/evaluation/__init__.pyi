@@ -52,6 +52,7 @@ from .stamped import read_errors as read_errors
 from .tables import MAPS as MAPS
 from .tables import latex_table as latex_table
 from .tables import require_no_tables as require_no_tables
+from .tables import require_place as require_place
 from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows

@@ -30,7 +30,8 @@ def main(note: str, words: list[str]) -> int:
         child = os.posix_spawnp(words[0], words, os.environ, setpgroup=0)
     except OSError as error:
         with open(note, "w", encoding="utf-8") as file:  # noqa: PTH123 (pathlib takes as long)
-            file.write(f"{words[0]}: {(error.strerror or str(error)).lower()}")
+            why = _lacking(words[0]) or (error.strerror or str(error)).lower()
+            file.write(f"{words[0]}: {why}")
         return 127
 
     def stop(*_: object) -> None:
@@ -51,6 +52,21 @@ def main(note: str, words: list[str]) -> int:
         signal.signal(-code, signal.SIG_DFL) if -code != signal.SIGKILL else None
         os.kill(os.getpid(), -code)
     return code
+
+
+def _lacking(program: str) -> str:
+    """What is not there where a script is: its interpreter; empty where that is not why."""
+    import shutil
+
+    try:
+        with open(shutil.which(program) or program, "rb") as file:  # noqa: PTH123
+            first = file.readline(256).rstrip(b"\n")
+    except OSError:
+        return ""
+    named = first[2:].lstrip().partition(b" ")[0].decode(errors="replace")
+    if not first.startswith(b"#!") or os.path.exists(named):  # noqa: PTH110
+        return ""
+    return f"its interpreter {named!r} is not there"
 
 
 def _kill_group(group: int, number: int) -> None:

@@ -222,8 +222,8 @@ def _segments(
         apart = over / np.ceil(over / apart - 1e-9)
         if whole[-1] / apart > MAX_STATIONS:
             raise DataError(
-                f"stations_m {apart:g} on a path of {whole[-1]:g} m: at most {MAX_STATIONS:,} "
-                "stations"
+                f"drift_over_m {over:g} with stations each {apart:g} m on a path of "
+                f"{whole[-1]:g} m: at most {MAX_STATIONS:,} stations"
             )
         wanted = np.arange(0.0, whole[-1] + 1e-9, apart)
         moves = np.concatenate([[True], np.diff(whole) > 0.0])  # one time for each station

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
-from terrain_forge.base import OutputError, checked, write_whole
+from terrain_forge.base import OutputError, checked, storing, write_whole
 from terrain_forge.evaluation.score import Score, Spread
 from terrain_forge.writers import quoted
 
@@ -97,14 +99,33 @@ def require_no_tables(folder: Path) -> None:
     Raises:
         OutputError: names them.
     """
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder} is no folder")
     found = sorted(one.name for one in folder.glob("*") if one.stem in (TABLE, MAPS, PAPER))
     if found:
         raise OutputError(
             f"{folder} holds {', '.join(found)}; move them away, choose another folder with -o, or "
             "let --force write over them"
         )
+
+
+def require_place(folder: Path) -> None:
+    """Refuse a folder for tables that is none and cannot be made, before there is much to write.
+
+    Raises:
+        OutputError: if it is a file.
+        StorageError: says why it cannot be made or written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder} is no folder")
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    with storing(folder, folder):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=folder):
+                pass
+        finally:
+            with suppress(OSError):
+                for place in made:
+                    place.rmdir()
 
 
 @checked
@@ -149,7 +170,15 @@ def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-_ESCAPED = str.maketrans({**{mark: f"\\{mark}" for mark in "%_&#${}"}, "\\": r"\textbackslash{}"})
+_ESCAPED = str.maketrans(
+    {
+        **{mark: f"\\{mark}" for mark in "%_&#${}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "\n": " ",
+    }
+)
 
 
 def latex_table(rows: Sequence[Sequence[str]]) -> str:

@@ -133,7 +133,7 @@ class Base:
 
     def __init__(self, file: StudyFile, path: Path) -> None:
         self._file, self.path = file, path
-        self._mapping = read_mapping(path)
+        self._mapping = self._read()
         self._plain = dict(self._mapping[0])
         self._given: list[str] = []
         keys = [*file.spec.set, *_keys_of(file.spec.study)]
@@ -145,6 +145,17 @@ class Base:
         for key, value in file.spec.set.items():
             self._given += self._written(key, value)
         self.whole = self._loaded(self._given, "set")
+
+    def _read(self) -> tuple[dict[str, Any], Any]:
+        """The recipe's data and lines; one that is not there is the study's fault."""
+        try:
+            return read_mapping(self.path)
+        except RecipeError as error:
+            if self.path.exists():
+                raise
+            key = ("recipes", self._file.recipes.index(self.path))
+            place = self._file.place(*(key if self._file.spec.recipes else ("recipe",)))
+            raise RecipeError(f"{place}: {error}") from None
 
     def recipe(self, factors: Mapping[str, Level], seed: int) -> tuple[RecipeFile, tuple[str, ...]]:
         """The recipe at some levels, and the changes that made it of its file.

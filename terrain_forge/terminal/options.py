@@ -115,15 +115,22 @@ def side_by_side(command: F) -> F:
 
 
 class Command(click.Command):
-    """A command that refuses an option which is given twice and takes one value."""
+    """A command that refuses an empty path, and an option of one value that is given twice."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments.
 
         Raises:
-            click.UsageError: if an option is there twice, of which the last value would count.
+            click.UsageError: if an option is there twice, of which the last value would count, or a
+                path is empty, which would be taken for the current folder.
         """
-        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        values, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for param in self.params:
+            told = values.get(str(param.name))
+            empty = "" in (told if isinstance(told, list | tuple) else (told,))
+            if empty and isinstance(param.type, click.Path) and not ctx.resilient_parsing:
+                name = param.opts[-1] if isinstance(param, click.Option) else param.opts[0].upper()
+                raise click.UsageError(f"{name} is empty: name a file or folder", ctx)
         for number, param in enumerate(given):
             single = isinstance(param, click.Option) and not (param.multiple or param.is_eager)
             if single and param in given[:number] and not ctx.resilient_parsing:

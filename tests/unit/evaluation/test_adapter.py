@@ -168,3 +168,15 @@ def test_a_matrix_that_is_no_rotation_is_told(tmp_path):
     path.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 2 0 0 0 0 1 0\n")
     with pytest.raises(DataError, match=r"poses\.txt:2: its matrix is no rotation"):
         read_kitti_poses(path)
+
+
+def test_a_script_without_its_interpreter_says_so(tmp_path):
+    script = tmp_path / "program"
+    script.write_bytes(b"#!/nowhere/python3 -u\r\n")
+    script.chmod(0o755)
+    run = run_system(Adapter(name="fake", command=f"{script} {{input}}"), {"input": "x"})
+    assert run.status == "failed"
+    assert run.why == f"{script}: its interpreter '/nowhere/python3' is not there"
+    script.write_bytes(b"#!/bin/sh\r\n")
+    run = run_system(Adapter(name="fake", command=f"{script} {{input}}"), {"input": "x"})
+    assert run.why == f"{script}: its interpreter '/bin/sh\\r' is not there"

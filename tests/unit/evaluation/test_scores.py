@@ -18,6 +18,7 @@ from terrain_forge.evaluation import (
     TimedPoses,
     aligned,
     associate,
+    latex_table,
     read_poses,
     score_poses,
 )
@@ -114,8 +115,12 @@ def test_jitter_inflates_the_path_at_full_rate_but_not_between_stations():
 
 def test_stations_without_number_are_refused():
     truth = _circle()
-    with pytest.raises(DataError, match="stations_m 1e-09 on a path"):
-        score_poses(truth, truth, ScoreOptions(stations_m=1e-9))
+    for options, told in (
+        (ScoreOptions(stations_m=1e-9), "drift_over_m 10 with stations each 1e-09 m on a path"),
+        (ScoreOptions(drift_over_m=1e-9), "drift_over_m 1e-09 with stations each 1e-09 m on"),
+    ):
+        with pytest.raises(DataError, match=told):
+            score_poses(truth, truth, options)
 
 
 def test_thirds_are_counted_by_index_time_or_length():
@@ -343,6 +348,26 @@ def test_files_of_one_name_are_told_apart_by_their_paths(tmp_path):
         score_files(tmp_path / "mine.tum", [paths[2], paths[2]])
 
 
+def test_a_place_that_cannot_be_written_is_told_before_the_scores(tmp_path) -> None:
+    truth, file = _write_tum(tmp_path / "gt.tum", _circle()), tmp_path / "file"
+    file.write_text("mine")
+    asked = "evaluate", "--truth", truth, "--estimate", truth
+    for out, status, told in (
+        (file / "x", 3, f"{file}/x cannot be written: Not a directory"),
+        ("/proc/x", 3, "/proc/x cannot be written: No such file or directory"),
+        ("", 2, "--out is empty: name a file or folder (see terrain-forge evaluate --help)"),
+    ):
+        done = run(*asked, "-o", out)
+        assert (done.returncode, done.stdout) == (status, "")
+        assert done.stderr == f"terrain-forge: {told}\n"
+    assert run(*asked[:-1], tmp_path / "none.tum", "-o", tmp_path / "new" / "out").returncode == 2
+
+
+def test_names_are_written_as_latex_has_them():
+    row = latex_table([["a"], ["~x^\n2_"]]).splitlines()[4]
+    assert row == r"\textasciitilde{}x\textasciicircum{} 2\_ \\"
+
+
 def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
     mine = tmp_path / "maps.csv"
     mine.write_text("mine")
@@ -396,6 +421,7 @@ def test_an_unknown_option_is_told(tmp_path):
         "aline=all": "unknown key 'aline' (did you mean 'align'?), allowed: align",
         "align=some": "'first_third', 'all', 'origin' or 'none'",
         "align": "must be key=value",
+        "scale=maybe": 'scale: must be true or false, found "maybe"',
     }.items():
         done = run("evaluate", "--truth", path, "--estimate", path, "--set", change)
         assert done.returncode == 2

@@ -161,7 +161,8 @@ def test_a_rig_that_the_rover_brings_has_factors_too(written, tmp_path):
         (("seeds: 2", "seeds: 0"), r":7: seeds: must be how many worlds of each"),
         (("seeds: 2", "seeds: [1, 1]"), r":7: seeds: .*found \[1, 1\]"),
         (("wheel-odometry", "wheel-odometer"), r":8: systems: unknown system .*did you mean"),
-        (("recipe: plain.yaml", "recipe: none.yaml"), r"none.yaml"),
+        (("recipe: plain.yaml", "recipe: none.yaml"), r"slip.yaml:2: no such file: .*none.yaml"),
+        (("recipe: plain.yaml", "recipes: [plain.yaml, x.yaml]"), r"slip.yaml:2: no such .*x.yaml"),
         (("recipe: plain.yaml", "recipes: []"), r"a study has a `recipe`, or a list of `recipes`"),
         (
             ("seeds: 2", "seeds: 2\n    record: {from_s: 5, to_s: 5}"),
