@@ -228,18 +228,23 @@ def _require_filled(
     if valid[inside].all():
         return ()
     samples, row, column = farthest_filled(valid, inside)
-    width = float(f"{samples * patch.posting:.3g}")  # as it is told, so that it can be allowed
-    allowed = FILL_POSTS * patch.posting if spec.fill_holes_m is None else spec.fill_holes_m
+    width = _told(samples * patch.posting)
+    allowed = _told(FILL_POSTS * patch.posting) if spec.fill_holes_m is None else spec.fill_holes_m
     if width > allowed:
         east, north = patch_points(patch, crs, np.array([column]), np.array([row]))
         raise DataError(
-            f"{spec.name} has a hole about {width:.3g} m ({samples} samples) wide around "
+            f"{spec.name} has a hole about {width:g} m ({samples} samples) wide around "
             f"{round(east[0])} m east, {round(north[0])} m north of the site's centre; holes of up "
-            f"to {allowed:.3g} m are filled: move the site, or give dtm.fill_holes_m",
+            f"to {allowed:.10g} m are filled: move the site, or give dtm.fill_holes_m",
             key=("dtm", "fill_holes_m"),
         )
     filled = int((~valid[inside]).sum())
-    return (f"{filled} samples in holes up to {width:.3g} m wide filled by {FILL_METHOD}",)
+    return (f"{filled} samples in holes up to {width:g} m wide filled by {FILL_METHOD}",)
+
+
+def _told(width: float) -> float:
+    """A width as it is told, in 3 digits, so that what is told can be allowed."""
+    return float(f"{width:.3g}")
 
 
 def _destaired(raster: Raster, spec: RasterDtm, heights: Array) -> Array:

@@ -190,6 +190,20 @@ def test_widths_of_holes_are_counted_in_samples(width):
     assert 10 <= column <= 59
 
 
+@pytest.mark.parametrize("posting", [0.9999, 1.0, 1.0041])
+def test_holes_of_eight_samples_are_filled_and_of_nine_are_not(tmp_path, posting):
+    heights, placed = rough().astype("float32"), Affine(posting, 0, 5000, 0, -posting, -272000)
+    heights[140:148, 180:240] = np.nan
+    write_raster(tmp_path, heights, transform=placed)
+    assert "holes up to 8" in plan(tmp_path)[0].dtm.repairs[0]
+    heights[140:149, 180:240] = np.nan
+    write_raster(tmp_path, heights, transform=placed)
+    with pytest.raises(DataError, match=r"\(9 samples\) wide .*; holes of up to 8(\.03)? m are"):
+        plan(tmp_path)
+    with pytest.raises(DataError, match=r"about 9(\.04)? m .*; holes of up to 8\.9995 m are"):
+        plan(tmp_path, replace(SPEC, fill_holes_m=8.9995))
+
+
 def test_hole_beside_the_site_is_no_error(tmp_path):
     heights = rough().astype("float32")
     heights[:80] = np.nan
