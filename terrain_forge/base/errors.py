@@ -73,7 +73,7 @@ def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
 
     Args:
         name: The file, as the recipe writes it.
-        key: Where in the recipe it is named.
+        key: Where in the recipe it is named; errors of ours that have no place get it.
 
     Raises:
         DataError: in place of any error that is not ours.
@@ -82,7 +82,8 @@ def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except TerrainForgeError:
+    except TerrainForgeError as error:
+        error.key = error.key or key
         raise
     except Exception as error:
         why = " ".join(str(_first(error)).split()) or type(error).__name__

@@ -165,6 +165,13 @@ def test_complex_numbers_are_refused(tmp_path, kind):
     done = run("check", tmp_path / "a.tif")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "a.tif holds complex numbers" in done.stderr
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text(
+        "name: a\nbody: mars\ndtm: {source: a.tif, size_m: [4, 4]}\nterrain: {spacing_m: 0.5}\n"
+    )
+    done = run("check", recipe)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert f"{recipe}:3: dtm.source: a.tif holds complex numbers" in done.stderr
 
 
 def test_a_raster_with_overviews_and_a_mask_beside_it_is_read(tmp_path):
