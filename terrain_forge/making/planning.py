@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Progress, checked, reading, silent
+from terrain_forge.base import Progress, checked, reading, silent, warn_user
 from terrain_forge.dtm import RasterDtm, at_hand, expanded, require_straight, survey
 from terrain_forge.making.lighting import light_of
 from terrain_forge.model import BODIES, Body, Route, Rover, Site, Table
@@ -207,6 +207,7 @@ def plan_draft(
         recipe_json=recipe_json(draft.named),
     )
     require_straight(site)
+    _tell_idle_extent(site)
     if not by_night:
         light_of(site)
     terrain = site.recipe.terrain
@@ -226,6 +227,13 @@ def plan_draft(
     if (doubtful := wanted.doubtful()) is not None:
         find_library(doubtful, custom=meshes)
     return site
+
+
+def _tell_idle_extent(site: Site) -> None:
+    """Warn of an extent that a DTM's georeference leaves without effect, which its file tells."""
+    dtm = site.recipe.dtm
+    if isinstance(dtm, RasterDtm) and dtm.extent_m is not None and site.georeferenced:
+        warn_user(f"dtm.extent_m has no effect: {dtm.name} is georeferenced")
 
 
 def _with_found_craters(site: Site) -> Site:

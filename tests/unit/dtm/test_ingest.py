@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rasterio.transform import Affine
 
-from terrain_forge.base import DataError
+import terrain_forge as tf
+from terrain_forge.base import DataError, RecipeWarning
 from terrain_forge.dtm import site_facts
 from terrain_forge.dtm.quality import assess, destair, farthest_filled, planar_posts
 from terrain_forge.dtm.spec import Centre
@@ -409,3 +410,14 @@ def test_a_dtm_with_two_posts_across_the_site_is_told(tmp_path):
     assert any("2 postings wide" in line for line in site_facts(site))
     site, _ = plan(tmp_path, replace(SPEC, size_m=(8.0, 8.0)))
     assert not any("postings wide" in line for line in site_facts(site))
+
+
+def test_the_extent_of_a_georeferenced_raster_is_told_to_be_idle(tmp_path):
+    write_raster(tmp_path, rough().astype("float32"))
+    recipe = tf.Recipe(name="a", body="mars", dtm=SPEC, terrain=tf.TerrainSpec(spacing_m=1.0))
+    tf.plan(recipe, folder=tmp_path)
+    extended = replace(recipe, dtm=replace(SPEC, extent_m=(50.0, 50.0)))
+    told = "dtm.extent_m has no effect: dtm.tif is georeferenced"
+    with pytest.warns(RecipeWarning, match=told) as caught:
+        tf.plan(extended, folder=tmp_path)
+    assert {warning.filename for warning in caught} == {__file__}
