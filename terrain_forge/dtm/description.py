@@ -71,8 +71,9 @@ class _Values:
     seams: tuple[str, ...]
     stripes: dict[str, float]
     """RMS of the steps between columns or rows [m], of each that has stripes."""
-    spike: float
-    """Height of the highest single sample over its neighbours, or depth below them [m]."""
+    spike: tuple[float, int, int]
+    """Height of the highest single sample over its neighbours, or depth below them [m], and its row
+    and column."""
     suspects: tuple[str, ...]
 
     @classmethod
@@ -81,7 +82,7 @@ class _Values:
         found, missing, planar = [], [], []
         seams: list[str] = []
         stripes: dict[str, float] = {}
-        spike = 0.0
+        spike = 0.0, 0, 0
         suspects: list[str] = []
         for rows, columns in _pieces(raster.shape, whole):
             try:
@@ -94,7 +95,8 @@ class _Values:
             if min(valid.shape) >= 8 and valid.any():
                 quality = assess(heights, valid, quantum=raster.quantum)
                 planar.append(quality.planar_fraction)
-                spike = max(spike, quality.spike)
+                height, row, column = quality.spike
+                spike = max(spike, (height, row + rows.start, column + columns.start))
                 start = {"row": rows.start, "column": columns.start}
                 seams += [f"{line} {n + start[line]}" for line, n, _ in quality.seams]
                 for line, step in quality.stripes:
@@ -323,9 +325,11 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     if values.seams:
         shown = ", ".join(values.seams[:4]) + (", …" if len(values.seams) > 4 else "")
         found.append(f"the ground steps along {shown}: seams of images or strips")
-    if posting and not coarse and values.spike > _TOWER * posting:
+    height, row, column = values.spike
+    if posting and not coarse and height > _TOWER * posting:
         found.append(
-            f"a single sample stands {_metres(values.spike)} above or below all around it: a spike"
+            f"a single sample stands {_metres(height)} above or below all around it: a spike, at "
+            f"row {row}, column {column}"
         )
     for line, step in values.stripes.items():
         found.append(

@@ -34,8 +34,9 @@ class Quality:
     """Lines across which the ground breaks: row or column, its number, the mean step [m]."""
     stripes: tuple[tuple[str, float], ...]
     """Whether columns or rows differ in height all along: which, and their steps' RMS [m]."""
-    spike: float
-    """How far a single post stands above all its neighbours, or below them, at most [m]."""
+    spike: tuple[float, int, int]
+    """How far a single post stands above all its neighbours, or below them, at most [m], and the
+    row and column of it."""
 
 
 def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
@@ -61,7 +62,7 @@ def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
     )
 
 
-def _spike(heights: Array, valid: Mask) -> float:
+def _spike(heights: Array, valid: Mask) -> tuple[float, int, int]:
     from scipy.ndimage import maximum_filter, minimum_filter
 
     around = np.ones((3, 3), np.bool_)
@@ -70,7 +71,9 @@ def _spike(heights: Array, valid: Mask) -> float:
     z = np.where(valid, heights, 0.0)
     above = z - maximum_filter(z, footprint=around)
     below = minimum_filter(z, footprint=around) - z
-    return float(np.maximum(above, below)[known].max(initial=0.0))
+    away = np.where(known, np.maximum(above, below), 0.0)
+    row, column = np.unravel_index(int(np.argmax(away)), away.shape)
+    return float(max(away[row, column], 0.0)), int(row), int(column)
 
 
 def planar_posts(heights: Array) -> Mask:
