@@ -295,6 +295,11 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         found.append("without georeference: give its size on the ground as dtm.extent_m")
     if not raster.vertical.known:
         found.append("without vertical scale: give dtm.height_range_m or dtm.height_scale")
+    if raster.vertical.known and raster.vertical.scale < 0.0:
+        found.append(
+            f"a scale of {raster.vertical.scale:g}: the larger a number, the lower its ground, as "
+            "of depths; if they are heights, give dtm.height_scale"
+        )
     coarse = posting is not None and posting > COARSE_POSTING
     if posting and coarse:
         found.append(

@@ -53,6 +53,8 @@ def read_patch(
     notes = _require_filled(patch, valid, inside, spec, crs)
     planar = np.zeros(valid.shape, bool) if raster.quantum else planar_posts(heights) & valid
     heights = fill_holes(heights, valid)
+    if raster.vertical.scale < 0.0:
+        notes += (f"numbers taken as depths, by their scale of {raster.vertical.scale:g}",)
     if spec.destair:
         heights = _destaired(raster, spec, heights)
         notes += (f"stairs of {raster.quantum:.3g} m smoothed within half a step of each sample",)

@@ -421,3 +421,14 @@ def test_the_extent_of_a_georeferenced_raster_is_told_to_be_idle(tmp_path):
     with pytest.warns(RecipeWarning, match=told) as caught:
         tf.plan(extended, folder=tmp_path)
     assert {warning.filename for warning in caught} == {__file__}
+
+
+def test_a_scale_below_zero_is_told_and_taken_at_its_word(tmp_path):
+    heights = rough()
+    write_raster(tmp_path, (-heights).astype("float32"), scale=-1.0)
+    assert "a scale of -1: the larger a number, the lower its ground" in words(tmp_path)
+    site, _ = plan(tmp_path)
+    assert "numbers taken as depths, by their scale of -1" in site.dtm.repairs
+    write_raster(tmp_path, heights.astype("float32"))
+    assert "the lower its ground" not in words(tmp_path)
+    assert np.array_equal(plan(tmp_path)[0].dtm.heights, site.dtm.heights)
