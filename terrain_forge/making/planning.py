@@ -23,6 +23,7 @@ from terrain_forge.recipe import (
     recipe_json,
     require_centre,
     require_lattice,
+    require_on_body,
     require_paths,
     resolve,
 )
@@ -101,6 +102,7 @@ def draft(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     size = recipe.dtm.size_m
     require_paths(recipe)
     require_centre(recipe)
+    require_on_body(recipe)
     require_lattice(recipe)
     recipe.sun.require_sound()
     recipe = resolve(recipe, inputs)

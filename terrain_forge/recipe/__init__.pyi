@@ -20,6 +20,7 @@ from .limits import require_centre as require_centre
 from .limits import require_exports as require_exports
 from .limits import require_fits as require_fits
 from .limits import require_lattice as require_lattice
+from .limits import require_on_body as require_on_body
 from .limits import require_paths as require_paths
 from .limits import require_window_fits as require_window_fits
 from .limits import rocks_of as rocks_of

@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import dist
 
 from terrain_forge.base import ExportError, RecipeError
-from terrain_forge.model import USUAL_CELLS, Site, Window, check_capacity
+from terrain_forge.model import BODIES, USUAL_CELLS, Site, Window, check_capacity
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.recipe.exports import ExportOrder
 from terrain_forge.recipe.schema import Recipe, TilesSpec
@@ -94,6 +94,18 @@ def require_centre(recipe: Recipe) -> None:
         found = " and ".join(given) or "none"
         raise RecipeError(
             f"one of offset_m, crs and lonlat_deg, found {found}", key=("dtm", "centre")
+        )
+
+
+def require_on_body(recipe: Recipe) -> None:
+    """Refuse an area that is longer than its body's radius: no plane stands for that ground."""
+    radius = BODIES[recipe.body].mean_radius
+    longest = max(recipe.dtm.size_m)
+    if longest > radius:
+        raise RecipeError(
+            f"{longest:g} m: a site is at most as long as the radius of {recipe.body}, "
+            f"{radius:.4g} m",
+            key=("dtm", "size_m"),
         )
 
 

@@ -39,6 +39,7 @@ def recipe(tmp_path, monkeypatch):
 CASES = [
     ((), {"workers": 2}, "--workers, --scheduler and --exchange are for sites in tiles"),
     (("tiles.size_m=3.33",), {}, "3.33 m is not a whole number"),
+    (("dtm.size_m=[1.0e9, 8]",), {}, r"1e\+09 m: a site is at most as long as the radius of mars"),
     (("tiles={}", "exports=[mjcf]"), {}, "mjcf is not written tile by tile"),
     (("tiles={}", "validate.drives=3"), {}, "drives from random starts are for one world"),
     (("validate.drive=none",), {}, "no path is called 'none'"),
