@@ -177,13 +177,17 @@ class Fractal(Layer):
 
     def octaves(self, site: Site) -> Array:
         """Lattice distances of the octaves [m], the longest first."""
+        longest, shortest = self._ends(site)
+        count = max(int(np.floor(portable.log2(longest / shortest) + 1e-9)) + 1, 0)
+        return np.asarray(longest * portable.power(0.5, np.arange(count)))
+
+    def _ends(self, site: Site) -> tuple[float, float]:
+        """The longest wavelength, and the shortest that the nodes show [m]."""
         if site.dtm is None:
             longest, shortest = max(_FLAT_LONGEST, _BASELINES * self._baseline), _SHORTEST_OF_POINTS
         else:
             longest, shortest = 2.0 * site.dtm.posting, _SHORTEST
-        longest = self.longest_wavelength_m or longest
-        count = max(int(np.floor(portable.log2(longest / (shortest * site.spacing)) + 1e-9)) + 1, 0)
-        return np.asarray(longest * portable.power(0.5, np.arange(count)))
+        return self.longest_wavelength_m or longest, shortest * site.spacing
 
     def __post_init__(self) -> None:
         given = [
@@ -193,12 +197,19 @@ class Fractal(Layer):
             raise ValueError(f"one of {' and '.join(given)}, not both")
 
     def facts(self, site: Site) -> Iterator[tuple[str, str]]:
-        """The law of the detail."""
+        """The law of the detail, and whether there is any."""
         law = self.figures(site)
         yield (
             "roughness",
             f"H = {law.hurst:.2f}, {law.deviation * 100:.2g} cm at 1 m ({law.source})",
         )
+        if not len(self.octaves(site)):
+            longest, shortest = self._ends(site)
+            yield (
+                "warning",
+                f"the fractal layer adds nothing: its longest waves, {longest:g} m, are below "
+                f"{shortest:g} m, the shortest that nodes {site.spacing:g} m apart show",
+            )
 
     def figures(self, site: Site) -> Roughness:
         """The law of the detail; the DTM's own bends, one that is asked for does not."""

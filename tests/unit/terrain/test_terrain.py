@@ -75,6 +75,18 @@ def test_roughness_that_is_asked_for_is_made(layer, expected):
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(expected, rel=0.03)
 
 
+def test_waves_that_no_node_shows_are_told():
+    site = worlds.site().replace(spacing=0.5)
+    for longest, adds in ((0.37, False), (0.4, True)):
+        layer = Fractal(deviation_1m_m=0.1, longest_wavelength_m=longest)
+        ground = shape_ground(site=site, window=site.window, layers=(layer,))
+        assert bool(np.ptp(ground.elevation)) == adds
+        warnings = [told for word, told in layer.facts(site) if word == "warning"]
+        assert bool(warnings) != adds
+    told = dict(Fractal(longest_wavelength_m=0.37).facts(site))["warning"]
+    assert "adds nothing: its longest waves, 0.37 m, are below 0.375 m" in told
+
+
 def test_a_finer_grid_keeps_the_longer_waves():
     """Spacing decides on the last octaves only: sampled coarsely, grounds are nearly alike."""
     coarse, fine = (worlds.site().replace(size=(60.0, 60.0), spacing=s) for s in (0.5, 0.25))
