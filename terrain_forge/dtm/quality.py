@@ -34,6 +34,9 @@ class Quality:
     """Lines across which the ground breaks: row or column, its number, the mean step [m]."""
     stripes: tuple[tuple[str, float], ...]
     """Whether columns or rows differ in height all along: which, and their steps' RMS [m]."""
+    difference: float
+    """RMS difference of neighbouring posts [m] before heights were rounded; 0 where there is none.
+    It is that of normal ones with the same mean size, which rounding leaves as it is."""
     spike: tuple[float, int, int]
     """How far a single post stands above all its neighbours, or below them, at most [m], and the
     row and column of it."""
@@ -58,8 +61,19 @@ def assess(heights: Array, valid: Mask, *, quantum: float | None) -> Quality:
         planar_fraction=float(planar.sum() / max(valid.sum(), 1)),
         seams=tuple(seams),
         stripes=tuple(stripes),
+        difference=_difference(heights, valid),
         spike=_spike(heights, valid),
     )
+
+
+def _difference(heights: Array, valid: Mask) -> float:
+    sizes = np.concatenate(
+        [
+            np.abs(np.diff(heights, axis=0))[valid[1:] & valid[:-1]],
+            np.abs(np.diff(heights, axis=1))[valid[:, 1:] & valid[:, :-1]],
+        ]
+    )
+    return math.sqrt(0.5 * math.pi) * float(sizes.mean()) if sizes.size else 0.0
 
 
 def _spike(heights: Array, valid: Mask) -> tuple[float, int, int]:

@@ -260,6 +260,16 @@ def test_floats_that_were_rounded_are_told_and_smoothed(tmp_path, step, datum):
     assert "stairs" not in words(tmp_path)
 
 
+@pytest.mark.parametrize("ratio", [1.5, 6.0])
+def test_steps_that_bury_the_roughness_are_told(tmp_path, ratio):
+    heights = fractal((400, 400))
+    heights /= ratio * np.sqrt(np.mean(np.square(np.diff(heights))))
+    write_raster(tmp_path, np.round(heights).astype("float32"))
+    told = re.search(r"a step is ([\d.]+) times the RMS difference of neighb", words(tmp_path))
+    assert (told is not None) == (ratio > 3.0)
+    assert told is None or float(told.group(1)) == pytest.approx(ratio, rel=0.1)
+
+
 def test_radii_in_single_precision_come_in_stairs(tmp_path):
     radii = 1737400.0 + rough()
     grid = Affine(1.0, 0.0, -200.0, 0.0, -1.0, 150.0)
