@@ -27,6 +27,7 @@ ROWS = {
     "digits; no tags, anchors or merges",
     "a number that must be above 0": f"{specs.LEAST:g} to {specs.MOST:g}",
     "a coordinate": f"±{specs.FARTHEST:g} m",
+    "a site": "as long each way as its body's radius",
     "a name": f"{specs.MAX_NAME} characters, {specs.MAX_NAME_BYTES} bytes of UTF-8; no separator, "
     "no leading dot, nothing that cannot be printed",
     "any input file": "a regular file: no pipe, no device, no folder",
