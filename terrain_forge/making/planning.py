@@ -235,7 +235,7 @@ def _tell_idle_extent(site: Site) -> None:
     """Warn of an extent that a DTM's georeference leaves without effect, which its file tells."""
     dtm = site.recipe.dtm
     if isinstance(dtm, RasterDtm) and dtm.extent_m is not None and site.georeferenced:
-        warn_user(f"dtm.extent_m has no effect: {dtm.name} is georeferenced")
+        warn_user(f"dtm.extent_m: has no effect: {dtm.name} is georeferenced")
 
 
 def _with_found_craters(site: Site) -> Site:

@@ -427,7 +427,7 @@ def test_the_extent_of_a_georeferenced_raster_is_told_to_be_idle(tmp_path):
     recipe = tf.Recipe(name="a", body="mars", dtm=SPEC, terrain=tf.TerrainSpec(spacing_m=1.0))
     tf.plan(recipe, folder=tmp_path)
     extended = replace(recipe, dtm=replace(SPEC, extent_m=(50.0, 50.0)))
-    told = "dtm.extent_m has no effect: dtm.tif is georeferenced"
+    told = "dtm.extent_m: has no effect: dtm.tif is georeferenced"
     with pytest.warns(RecipeWarning, match=told) as caught:
         tf.plan(extended, folder=tmp_path)
     assert {warning.filename for warning in caught} == {__file__}
