@@ -155,7 +155,7 @@ def _write_level(
         primitive = gltf.add_primitive(
             level.vertices,
             normals,
-            gltf.add_indices(level.faces),
+            -1 if patches else gltf.add_indices(level.faces),  # each piece has its own
             grid_texture_coordinates(*shape)[level.nodes],
         )
         primitive["material"] = material
@@ -265,16 +265,25 @@ def _write_near(tiled: TiledSite, directory: Path, options: Options) -> _Near:
                 write_pebbles(tile.world, laid, path)
             near.pebbles += len(laid)
         name = f"close_{built.row:03}_{built.column:03}.glb"
-        box = _write_close(tile, tiled.grid, directory / name, options)
-        if box:
+        found = _write_close(tile, tiled.grid, directory / name, options)
+        if found:
+            (low, high), fine = found
+            west, east = built.figures["box"]
+            box = [np.minimum(low, west).tolist(), np.maximum(high, east).tolist()]
             figures = {**built.figures, "box": box, "contents": {"full": name}}
             near.tiles[tile.number] = replace(built, figures=figures)
-            near.pixel = max(near.pixel, close_pixel(tile.whole, close))
+            near.pixel = max(near.pixel, fine * close_pixel(tile.whole, close))
     return near
 
 
-def _write_close(tile: Tile, grid: TileGrid, path: Path, options: Options) -> list[Any] | None:
-    """Write a tile's finest level as a camera near a path asks for; its box, if it has any path."""
+def _write_close(
+    tile: Tile, grid: TileGrid, path: Path, options: Options
+) -> tuple[Box, bool] | None:
+    """Write a tile's finest level as a camera near a path asks for, if it has anything for that.
+
+    Returns:
+        Its box, and whether its ground has pictures of its own.
+    """
     within = options.close_within_m
     patches = tuple(
         close_patches(
@@ -287,11 +296,11 @@ def _write_close(tile: Tile, grid: TileGrid, path: Path, options: Options) -> li
         return None
     local = shifted(tile.world, tile_anchor(tile, grid))
     shapes = [coarse_shape(one, options.outline_error) for one in tile.whole.library.prototypes]
-    low, high = _write_level(
+    box = _write_level(
         path, tile, local, next(ground_levels(tile, grid, (1,))), local.field, shapes,
         picture=_picture(tile, grid, options), patches=patches, close=close,
     )  # fmt: skip
-    return [low.tolist(), high.tolist()]
+    return box, bool(patches)
 
 
 def _write_horizon(horizon: Horizon, path: Path) -> None:

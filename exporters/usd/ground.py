@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -68,19 +68,22 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
-    bind_faces(stage, mesh, tile, options, write_patches(stage, tile, assets, name, options))
+    looks = write_patches(stage, patches_near_paths(tile, options), assets, name, friction.ground)
+    bind_faces(stage, mesh, tile, options, looks)
     save(stage)
 
 
+def patches_near_paths(tile: Tile, options: Options) -> Iterator[ClosePatch]:
+    """The pictures of a tile's ground near paths."""
+    within = options.close_within_m
+    near = cells_near_paths(tile, within=within)
+    return close_patches(tile, near, within=within, largest=options.texture_pixels)
+
+
 def write_patches(
-    stage: Usd.Stage, tile: Tile, assets: Path, name: str, options: Options
+    stage: Usd.Stage, patches: Iterable[ClosePatch], assets: Path, name: str, friction: float
 ) -> list[tuple[NDArray[np.int64], UsdShade.Material]]:
-    """Write the pictures of a tile's ground near paths; their cells, and what shows them."""
-    near = cells_near_paths(tile, within=options.close_within_m)
-    friction = world_friction(tile.whole.site.body, options).ground
-    patches = close_patches(
-        tile, near, within=options.close_within_m, largest=options.texture_pixels
-    )
+    """Write pictures of the ground near paths; their cells, and what shows them."""
     return [(patch.cells, _write_patch(stage, patch, assets, name, friction)) for patch in patches]
 
 

@@ -8,6 +8,7 @@ OUT/tiles/ROW/COLUMN/usd/tile.usda the variants `lod` of a tile: `full`, `quarte
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -46,7 +47,7 @@ from terrain_forge.model import (
     World,
     world_friction,
 )
-from terrain_forge.rocks import cells_near_paths, require_pebbles, seen_close, tile_pebbles
+from terrain_forge.rocks import require_pebbles, seen_close, tile_pebbles
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
@@ -54,6 +55,7 @@ from .ground import (
     DETAIL,
     bind_faces,
     label_craters,
+    patches_near_paths,
     shown_craters,
     write_horizon,
     write_patches,
@@ -286,7 +288,8 @@ def _write_near(tiled: TiledSite, assets: Path, options: Options) -> dict[str, _
             if count := len(laid):
                 write_pebbles(tile.world, laid, assets, name=f"pebbles_{place}")
         if parts := _write_close(built, tile, assets, options):
-            file, pixel = f"./assets/close_{place}.usda", close_pixel(tile.whole, close)
+            file = f"./assets/close_{place}.usda"
+            pixel = close_pixel(tile.whole, close) * ("ground" in parts)
             _write_close_tile(assets / f"close_{place}.usda", f"../{built.folder}", parts)
         if count or parts:
             found[place] = _Near(file, count, pixel)
@@ -296,7 +299,8 @@ def _write_near(tiled: TiledSite, assets: Path, options: Options) -> dict[str, _
 def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -> dict[str, str]:
     """Write the finest level of a tile as a camera near a path asks for; its new parts' files."""
     parts, within = dict[str, str](), options.close_within_m
-    if cells_near_paths(tile, within=within).any():
+    patches = patches_near_paths(tile, options)
+    if first := next(patches, None):
         name = f"close_ground_{_place(built)}"
         stage = Usd.Stage.Open(new_layer(assets / f"{name}.usdc"))
         set_conventions(stage)
@@ -306,7 +310,8 @@ def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -
         mesh = UsdGeom.Mesh(root.GetChild("surface"))
         for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
             subset.GetIndicesAttr().Set(Vt.IntArray())  # a face is in one, some are left without
-        looks = write_patches(stage, tile, assets, name, options)
+        friction = world_friction(tile.whole.site.body, options).ground
+        looks = write_patches(stage, chain([first], patches), assets, name, friction)
         bind_faces(stage, mesh, tile, options, looks)
         save(stage)
         parts["ground"] = f"./{name}.usdc"

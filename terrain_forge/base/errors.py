@@ -82,8 +82,10 @@ def reading(name: str, *, key: tuple[str | int, ...] = ()) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except TerrainForgeError as error:
+    except DataError as error:
         error.key = error.key or key
+        raise
+    except TerrainForgeError:
         raise
     except Exception as error:
         why = " ".join(str(_first(error)).split()) or type(error).__name__

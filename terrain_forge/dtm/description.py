@@ -182,8 +182,8 @@ def site_warnings(site: Site) -> list[str]:
     if dtm.doubt and dtm.doubtful < 1.0:
         found.append(
             f"at least {dtm.doubtful:.0%} of the DTM seems to have noise of {_metres(dtm.doubt)} "
-            "RMS, the rest has none: it is left in, and the ground is made too rough there; choose "
-            "another part, or give dtm.noise, which smooths the rest too"
+            "RMS, in the rest none was found: it is left in, and may make the ground there too "
+            "rough; choose another part, or give dtm.noise, which smooths the rest too"
         )
     elif dtm.doubt:
         found.append(
@@ -291,6 +291,10 @@ def _meaning(raster: Raster) -> str:
     return f"height: value × {v.scale:.6g} + {v.offset:g} m{stated}"
 
 
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}"
+
+
 def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[str]:
     found = []
     if not values.heights.size:
@@ -324,7 +328,7 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
         )
         if quantum > _BURIED * values.difference > 0.0:
             found.append(
-                f"a step is {quantum / values.difference:.2g} times the RMS difference of "
+                f"a step is {_times(quantum / values.difference)} times the RMS difference of "
                 f"neighbouring samples, {_metres(values.difference)}: how rough the ground is "
                 "below it is not known; it may come out several times too rough, or with "
                 "dtm.destair too smooth; a fractal layer's hurst and deviation_1m_m say how rough"

@@ -40,6 +40,8 @@ def landforms(heights: Array, trusted: Mask) -> Array:
         trusted: posts that are measured, not filled in.
     """
     level, found = heights - plane_through(heights), np.zeros(heights.shape)
+    if not trusted.any():
+        return found
     for _ in range(_ROUNDS):
         finer = portable.smoothed(level - found, SCALES[0], mode="reflect")
         for scale in SCALES:

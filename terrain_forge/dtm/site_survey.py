@@ -172,12 +172,12 @@ def _without_noise(
     found, forms = _noise_beside_forms(patch, measured, given, step)
     floor, patch = found.floor, patch.replace(doubt=found.doubt)
     if floor is None and given is None and not found.doubt:
-        noisy, part = find_noisy_part(patch.heights, patch.posting, measured)
+        noisy, part = find_noisy_part(patch.heights, patch.posting, measured, step=step)
         patch = patch.replace(doubt=noisy, doubtful=part) if noisy else patch
     if floor is None and given is not None:
         kept = (
             f"noise of {given:.2g} m could not be told from the ground, it is kept: that takes "
-            "64 × 64 measured posts, and noise that has 1 to 200 % of their mean square increments"
+            "64 × 64 measured posts, and noise that makes up 1 to 200 % of their square differences"
         )
         return patch.replace(repairs=(*patch.repairs, kept)), None
     if floor is None and are_points(patch.heights, measured):
@@ -206,14 +206,16 @@ def _noise_beside_forms(
     """The noise of the patch, and the landforms that stand out of it [m].
 
     They are no noise, but forms of one size have the spectrum of some: noise is what is found
-    without them too, and not much less.
+    without them too, and not much less. A figure that is given needs no such proof.
     """
     found = find_noise(patch.heights, patch.posting, measured, given, step=step)
-    forms = np.zeros(patch.heights.shape)
+    none = np.zeros(patch.heights.shape)
     if found.floor is None:
-        return found, forms
+        return found, none
     forms = landforms(patch.heights, measured)
     rest = find_noise(patch.heights - forms, patch.posting, measured, given, step=step)
+    if given is not None:
+        return (found, none) if rest.floor is None else (rest, forms)
     if rest.floor is None or rest.floor.deviation < _LASTING * found.floor.deviation:
         return FoundNoise(doubt=found.floor.deviation), forms
     return rest, forms

@@ -20,6 +20,10 @@ _LEAST = 3
 """Poses that must belong together, for an alignment to be one."""
 
 
+SAME_TIME = 1e-6
+"""How far times may be apart that are the same [s]: floats and files have no nanoseconds."""
+
+
 def associate(
     truth: TimedPoses,
     estimate: TimedPoses,
@@ -69,7 +73,7 @@ def _within(time: Array, sorted_times: Array, gap: float) -> Mask:
     after = np.searchsorted(sorted_times, time)
     inside = (before >= 0) & (after < len(sorted_times))
     steps = sorted_times[np.where(inside, after, 0)] - sorted_times[np.where(inside, before, 0)]
-    return np.asarray(inside & (steps <= gap))
+    return np.asarray(inside & (steps <= gap + SAME_TIME))
 
 
 def _require_enough(paired: Mask, truth: TimedPoses, estimate: TimedPoses, near: str = "") -> None:

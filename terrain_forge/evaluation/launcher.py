@@ -64,7 +64,7 @@ def _lacking(program: str) -> str:
     except OSError:
         return ""
     named = first[2:].lstrip().partition(b" ")[0].decode(errors="replace")
-    if not first.startswith(b"#!") or os.path.exists(named):  # noqa: PTH110
+    if not first.startswith(b"#!") or not named or os.path.exists(named):  # noqa: PTH110
         return ""
     return f"its interpreter {named!r} is not there"
 

@@ -19,13 +19,22 @@ from terrain_forge.base import (
     checked,
     portable,
 )
-from terrain_forge.evaluation.alignment import Association, By, Part, aligned, associate
+from terrain_forge.evaluation.alignment import (
+    SAME_TIME,
+    Association,
+    By,
+    Part,
+    aligned,
+    associate,
+)
 from terrain_forge.evaluation.poses import TimedPoses
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Lengths of the KITTI odometry benchmark [m] (doi:10.1109/CVPR.2012.6248074)."""
 MAX_STATIONS = 10_000_000
 """Stations of a path at most."""
+_SPARSE = 3.0
+"""Usual times from one true pose to the next that make a gap of the truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +176,8 @@ def score_poses(
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)
     assert ate is not None
-    gaps = _gaps(laid, options.gap_s)
+    gaps = _gaps(true.time, truth.time, max(options.gap_s, _SPARSE * _usual_step(truth)))
+    gaps += _gaps(laid.time, estimate.time, options.gap_s)
     lengths, pairs = _segments(
         true, laid, gaps, over=options.drift_over_m, apart=options.stations_m
     )
@@ -198,12 +208,18 @@ def _tracked(truth: TimedPoses, estimate: TimedPoses, gap: float) -> float:
     within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
     steps = np.diff(estimate.time[within])
     whole = float(truth.time[-1] - truth.time[0])
-    return min(float(steps[steps <= gap].sum()) / whole, 1.0)
+    return min(float(steps[steps <= gap + SAME_TIME].sum()) / whole, 1.0)
 
 
-def _gaps(poses: TimedPoses, gap: float) -> NDArray[np.intp]:
-    """How many gaps longer than a time [s] lie before each pose."""
-    return np.concatenate([[0], np.cumsum(np.diff(poses.time) > gap)])
+def _usual_step(poses: TimedPoses) -> float:
+    """Time from one pose to the next, of most of them [s]."""
+    return float(np.median(np.diff(poses.time)))
+
+
+def _gaps(time: Array, of: Array, gap: float) -> NDArray[np.intp]:
+    """How many gaps between some times that are longer than one [s] lie before each of others."""
+    ends = of[1:][np.diff(of) > gap + SAME_TIME]
+    return np.searchsorted(ends, time, side="right")
 
 
 def _segments(

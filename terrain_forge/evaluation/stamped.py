@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, read_text, write_whole
-from terrain_forge.evaluation.alignment import nearest
+from terrain_forge.evaluation.alignment import SAME_TIME, nearest
 from terrain_forge.evaluation.poses import TimedPoses
 from terrain_forge.evaluation.score import Score
 
 ERRORS = "errors.csv"
 """Where the estimate lies, and how far it is off, in the folder of a system's run."""
 ERROR_COLUMNS = "time [s]", "path length [m]", "x [m]", "y [m]", "z [m]", "error [m]"
-_SAME = 1e-6
-"""How far a time may be from the stamp that it is [s]: floats and files have no nanoseconds."""
 
 
 def write_errors(score: Score, path: Path, stamps: NDArray[np.int64]) -> None:
@@ -77,7 +75,7 @@ def _digits(time: Array, stamps: NDArray[np.int64]) -> list[str]:
     """Times [s] as digits, those that are stamps [ns] exactly."""
     clock = stamps / 1e9
     rows = nearest(clock, time)
-    same = np.abs(clock[rows] - time) <= _SAME
+    same = np.abs(clock[rows] - time) <= SAME_TIME
     return [
         f"{stamp // 10**9}.{stamp % 10**9:09d}" if exact else f"{one:.9f}"
         for one, stamp, exact in zip(time.tolist(), stamps[rows].tolist(), same, strict=True)

@@ -39,19 +39,22 @@ class ClosePatch:
 
 
 def close_pixel(world: World, within: float) -> float:
-    """Size of the pixels of the ground up to `within` [m] from a world's paths in it [m].
+    """Size of the pixels of the ground up to `within` [m] from a world's paths [m].
 
     It is 4 mm, or coarser where that would be more than 2²⁴ of them.
     """
-    length = sum(_length_within(path, world.ground.bounds) for path in world.trajectories)
+    length = sum(_length_within(path, world.ground.bounds, within) for path in world.trajectories)
     return max(FINEST, math.sqrt(2.0 * within * length / _MOST))
 
 
-def _length_within(path: Trajectory, bounds: tuple[float, float, float, float]) -> float:
-    """Length of what of a path lies within the bounds (west, south, east, north) [m]."""
+def _length_within(
+    path: Trajectory, bounds: tuple[float, float, float, float], around: float
+) -> float:
+    """Length of what of a path lies within bounds, or so far around them [m]."""
     steps = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
     middle = 0.5 * (path.position[1:, :2] + path.position[:-1, :2])
-    inside = ((middle >= bounds[:2]) & (middle <= bounds[2:])).all(axis=1)
+    low, high = np.array(bounds[:2]) - around, np.array(bounds[2:]) + around
+    inside = ((middle >= low) & (middle <= high)).all(axis=1)
     return float(steps[inside].sum())
 
 

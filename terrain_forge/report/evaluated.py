@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from terrain_forge.base import (
@@ -152,7 +153,7 @@ def evaluate_maps(
     require_unlinked(out, f"{dataset_folder(out).name}/{RESULTS}")
     progress("load", 0.0)
     world, folder = World.load(out), dataset_folder(out)
-    with holding(out):
+    with holding(out) if folder.is_dir() else nullcontext():
         scores = score_maps(
             world, maps, evaluated=folder / RESULTS, area=area, cell=cell, progress=progress
         )

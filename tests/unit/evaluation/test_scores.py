@@ -178,6 +178,24 @@ def test_a_system_that_was_lost_in_each_piece_has_no_drift():
     assert scored.note == "no TDr: no 10 m of the path are without a gap longer than gap_s, 0.5 s"
 
 
+@pytest.mark.parametrize("begin", [0.0, 0.1, 0.3, 5.7, 1.7e9])
+def test_poses_just_as_far_apart_as_the_gap_are_no_gap(begin):
+    """Whatever the last bit of their times."""
+    truth = _circle(count=240, rate=1.0)
+    truth = truth.replace(time=truth.time + begin)
+    scored = score_poses(truth, truth)
+    assert scored.tracked == pytest.approx(1.0)
+    assert scored.drift.count == score_poses(truth, truth, ScoreOptions(gap_s=50.0)).drift.count
+
+
+def test_a_sparse_truth_is_no_gap_of_the_system():
+    told = _circle(count=2400)
+    truth = told.select(np.arange(0, 2400, 30))  # each 3 s
+    assert score_poses(truth, told).drift.count > 50
+    lost = truth.select(np.r_[0:20, 40:80])
+    assert score_poses(lost, told).drift.count < score_poses(truth, told).drift.count
+
+
 def test_truth_is_not_interpolated_across_its_gaps():
     truth = _circle(count=2400)
     told = truth.replace(time=truth.time + 0.05)
