@@ -172,6 +172,16 @@ def bind_faces(
             bind_friction(subset.GetPrim(), felt[kind])
 
 
+def empty_materials(mesh: UsdGeom.Mesh, tile: Tile) -> None:
+    """Take all faces from the materials that `bind_faces` gave them, so that it may give others."""
+    kinds = tile.world.appearance.material
+    for kind in () if kinds is None else np.unique(kinds[:-1, :-1]).tolist():
+        if kind:
+            UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset(
+                f"material_{kind}", Vt.IntArray()
+            )
+
+
 def shown_craters(world: World) -> list[Craters]:
     """The craters of each layer that still show in the world's ground."""
     return [craters.select(craters.shows) for _, craters in craters_of(world)]

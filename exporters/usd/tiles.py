@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from terrain_forge.base import Array, image_rows
 from terrain_forge.geometry import (
@@ -54,6 +54,7 @@ from terrain_forge.writers import write_png
 from .ground import (
     DETAIL,
     bind_faces,
+    empty_materials,
     label_craters,
     patches_near_paths,
     shown_craters,
@@ -302,18 +303,17 @@ def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -
     patches = patches_near_paths(tile, options)
     if first := next(patches, None):
         name = f"close_ground_{_place(built)}"
-        stage = Usd.Stage.Open(new_layer(assets / f"{name}.usdc"))
-        set_conventions(stage)
-        stage.GetRootLayer().subLayerPaths.append(f"../{built.folder}/ground_{_FINEST}.usdc")
-        root = stage.GetPrimAtPath(f"/ground_{_FINEST}")
-        stage.SetDefaultPrim(root)
-        mesh = UsdGeom.Mesh(root.GetChild("surface"))
-        for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
-            subset.GetIndicesAttr().Set(Vt.IntArray())  # a face is in one, some are left without
+        whole = f"ground_{_FINEST}"
+        stage = new_stage(assets / f"{name}.usdc", whole)
+        mesh = UsdGeom.Mesh.Define(stage, f"/{whole}/surface")
+        empty_materials(mesh, tile)
         friction = world_friction(tile.whole.site.body, options).ground
         looks = write_patches(stage, chain([first], patches), assets, name, friction)
         bind_faces(stage, mesh, tile, options, looks)
-        save(stage)
+        layer = stage.GetRootLayer()
+        del stage, mesh
+        layer.subLayerPaths.append(f"../{built.folder}/{whole}.usdc")  # not read here
+        layer.Save()
         parts["ground"] = f"./{name}.usdc"
     close = seen_close(tile.world, within=within)
     if close.size:

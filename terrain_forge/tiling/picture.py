@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from terrain_forge.base import image_rows, portable, reading
+from terrain_forge.base import image_rows, portable, reading, require_file
 from terrain_forge.geometry import grid_normals
 from terrain_forge.model import Tile, TileGrid, merge
 from terrain_forge.writers import write_png
@@ -65,6 +65,7 @@ def write_map(grid: TileGrid, out: Path) -> tuple[int, int]:
         top = height - -(-(window.row + window.rows) // step)
         bottom = height - window.row // step
         place = out / grid.folder(number) / PICTURE
+        require_file(place, str(place))
         with reading(str(place)), Image.open(place) as picture:
             size = max(right - left, 1), max(bottom - top, 1)
             part = picture.convert("RGB").resize(size, Image.Resampling.BOX)

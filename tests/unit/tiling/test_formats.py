@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import struct
 import xml.etree.ElementTree as ET
 from itertools import product
@@ -14,6 +16,7 @@ from scipy.spatial import KDTree
 from terrain_forge.exporters.sdf import Options as SdfOptions
 
 import terrain_forge as tf
+from terrain_forge.base import DataError
 from terrain_forge.rocks import path_pebbles, path_points, seen_close
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
@@ -277,6 +280,16 @@ def test_losses_of_tiles_tell_what_they_leave_out(built):
     exports = json.loads((built / "manifest.json").read_text())["exports"]
     assert any("no maps of fine normals" in line for line in exports["glb"]["losses"])
     assert not any("of paths" in line for kind in exports.values() for line in kind["losses"])
+
+
+def test_a_pipe_in_place_of_a_tiles_picture_is_refused(recipe, built, tmp_path):
+    """It was waited for without an end."""
+    out = shutil.copytree(built, tmp_path / "six")
+    picture = out / "tiles/000/001/map.png"
+    picture.unlink()
+    os.mkfifo(picture)
+    with pytest.raises(DataError, match=r"is no regular file: .*map\.png"):
+        tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
 
 
 NEAR = 0.6
