@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import cache, lru_cache
 
 import numpy as np
@@ -152,16 +151,15 @@ def _wkt(proj: str) -> str:
     return wkt
 
 
-@contextmanager
-def units_at_hand() -> Iterator[None]:
-    """PROJ's data in the environment: libgeotiff seeks units there alone, and complains aloud."""
+@cache
+def put_units_at_hand() -> None:
+    """Put PROJ's data into the environment: libgeotiff seeks units there, and complains aloud.
+
+    Once: a thread that reads the environment while another changes it may crash. Programs that we
+    start are not told of it, since `os.environ` is left as it is.
+    """
     from rasterio.env import PROJDataFinder
 
     place = None if "PROJ_DATA" in os.environ else PROJDataFinder().search()
     if place:
-        os.environ["PROJ_DATA"] = str(place)
-    try:
-        yield
-    finally:
-        if place:
-            os.environ.pop("PROJ_DATA", None)
+        os.putenv("PROJ_DATA", str(place))

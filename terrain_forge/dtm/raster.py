@@ -20,8 +20,8 @@ from terrain_forge.dtm.projection import (
     geographic_crs,
     local_crs,
     meridian_period,
+    put_units_at_hand,
     transform,
-    units_at_hand,
 )
 from terrain_forge.dtm.spec import RasterDtm
 from terrain_forge.dtm.vertical import Vertical, read_vertical, require_heights, require_no_sentinel
@@ -286,7 +286,8 @@ def open_dataset(path: Path) -> Any:
     import rasterio
 
     _require_plain_company(path.absolute())
-    with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), units_at_hand():
+    put_units_at_hand()
+    with warnings.catch_warnings(), rasterio.Env(**_OFFLINE):
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         # rasterio.open() takes one driver; the class that it opens takes several.
         dataset = rasterio.io.DatasetReader(str(path.absolute()), driver=_drivers_of(path))
