@@ -22,7 +22,6 @@ from terrain_forge.geometry import (
     horizon_surface,
 )
 from terrain_forge.model import GroundDetail, Heightfield, Horizon, Tile
-from terrain_forge.rocks import cells_near_paths
 from terrain_forge.writers import Gltf, encode_jpeg, encode_png
 
 from .options import Options
@@ -95,15 +94,14 @@ def ground_tile(tile: Tile, gltf: Gltf, *, shared: SharedParts, options: Options
     }
     normals = shared.normals(tile.ground)
     within = options.close_within_m
-    near = cells_near_paths(tile, within=within)
-    patches = list(close_patches(tile, near, within=within, largest=options.texture_pixels))
+    patches = list(close_patches(tile, within=within, largest=options.texture_pixels))
     if normals or patches:
         attributes["TANGENT"] = add_tangents(gltf, upright)
     picture = image_rows(bake_tile(tile, options.texture_pixels).rgb)
     texture = gltf.add_texture(encode_png(picture), tiles=False)
     material = gltf.add("materials", matt(name, texture=texture, normals=normals))
     piece = {"attributes": attributes, "indices": faces, "material": material}
-    primitives = patched(piece, patches, gltf, corners=grid_faces(*ground.shape), name=name)
+    primitives = patched(piece, patches, gltf, shape=ground.shape, name=name)
     mesh = gltf.add("meshes", {"name": name, "primitives": primitives})
     return {"name": name, "mesh": mesh, "translation": corner.tolist()}
 
@@ -122,7 +120,7 @@ def patched(
     patches: Sequence[ClosePatch],
     gltf: Gltf,
     *,
-    corners: NDArray[np.int32],
+    shape: tuple[int, int],
     name: str,
 ) -> list[dict[str, Any]]:
     """A piece of a mesh, the ground of a tile, cut into what is near paths and the rest.
@@ -131,12 +129,12 @@ def patched(
         piece: The whole, with tangents where there are patches.
         patches: What is near paths.
         gltf: What pictures and faces are added to.
-        corners: The faces of the whole, by twos for each cell, shape [faces, 3].
+        shape: Rows and columns of the tile's nodes.
         name: The ground's, for the materials.
     """
     if not patches:
         return [piece]
-    cells, pieces = corners.reshape(-1, 6), []
+    cells, pieces = grid_faces(*shape).reshape(-1, 6), []
     rest = np.ones(len(cells), np.bool_)
     for patch in patches:
         rest[patch.cells] = False

@@ -28,13 +28,12 @@ from terrain_forge.base import Array, image_rows
 from terrain_forge.geometry import (
     ClosePatch,
     GroundLevel,
-    bake_ground,
+    bake_site_tile,
     close_loss,
     close_patches,
     close_pixel,
     coarse_shape,
     coloured_parts,
-    finest_texture,
     grid_texture_coordinates,
     ground_levels,
     grouped,
@@ -57,7 +56,7 @@ from terrain_forge.model import (
     TileGrid,
     World,
 )
-from terrain_forge.rocks import cells_near_paths, require_pebbles, seen_close, tile_pebbles
+from terrain_forge.rocks import require_pebbles, seen_close, tiles_near_paths
 from terrain_forge.writers import Gltf, encode_png
 
 from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
@@ -78,7 +77,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     """Write a tile's levels of detail; returns its place, its levels' errors and their box."""
     anchor = tile_anchor(tile, grid)
     local = shifted(tile.world, anchor)
-    picture = _picture(tile, grid, options)
+    picture = image_rows(bake_site_tile(tile, grid, options.texture_pixels).rgb)
     shapes = tile.whole.library.prototypes
     errors: dict[str, float] = {}
     boxes: list[Box] = []
@@ -108,14 +107,6 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
         "errors": errors,
         "box": [low.tolist(), high.tolist()],
     }
-
-
-def _picture(tile: Tile, grid: TileGrid, options: Options) -> NDArray[np.uint8]:
-    """The picture of a tile's ground, as fine as that of most tiles, rows running south."""
-    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
-    square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
-    finer = finest_texture(square, options.texture_pixels)
-    return image_rows(bake_ground(tile.world, finer=finer).rgb)
 
 
 def _means(picture: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
@@ -161,7 +152,7 @@ def _write_level(
         primitive["material"] = material
         if patches:
             primitive["attributes"]["TANGENT"] = add_tangents(gltf, normals)
-        primitives = patched(primitive, patches, gltf, corners=level.faces, name="ground")
+        primitives = patched(primitive, patches, gltf, shape=shape, name="ground")
         gltf.add("meshes", {"name": "ground", "primitives": primitives})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
         finest = [shape.close or shape.meshes[0] for shape in tile.whole.library.prototypes]
@@ -255,16 +246,15 @@ class _Near:
 
 def _write_near(tiled: TiledSite, directory: Path, options: Options) -> _Near:
     """Write what tiles have near paths, which they were made without."""
-    near, smallest, close = _Near(), options.pebbles_min_m, options.close_within_m
-    reach = max(close, options.pebbles_within_m * (smallest > 0.0))
-    for built, tile in tiled.near_paths(reach):
-        if smallest > 0.0:  # for viewers to add
-            laid = tile_pebbles(tile, smallest=smallest, within=options.pebbles_within_m)
-            if len(laid):
-                path = directory / f"pebbles_{built.row:03}_{built.column:03}.glb"
-                write_pebbles(tile.world, laid, path)
-            near.pebbles += len(laid)
-        name = f"close_{built.row:03}_{built.column:03}.glb"
+    near, close = _Near(), options.close_within_m
+    tiles = tiles_near_paths(
+        tiled, close=close, smallest=options.pebbles_min_m, within=options.pebbles_within_m
+    )
+    for built, tile, pebbles in tiles:
+        if len(pebbles):  # for viewers to add
+            write_pebbles(tile.world, pebbles, directory / f"pebbles_{built.place}.glb")
+        near.pebbles += len(pebbles)
+        name = f"close_{built.place}.glb"
         found = _write_close(tile, tiled.grid, directory / name, options)
         if found:
             (low, high), fine = found
@@ -285,12 +275,7 @@ def _write_close(
         Its box, and whether its ground has pictures of its own.
     """
     within = options.close_within_m
-    patches = tuple(
-        close_patches(
-            tile, cells_near_paths(tile, within=within), within=within,
-            largest=options.texture_pixels,
-        )
-    )  # fmt: skip
+    patches = tuple(close_patches(tile, within=within, largest=options.texture_pixels))
     close = seen_close(tile.world, within=within)
     if not patches and not close.size:
         return None
@@ -298,7 +283,8 @@ def _write_close(
     shapes = [coarse_shape(one, options.outline_error) for one in tile.whole.library.prototypes]
     box = _write_level(
         path, tile, local, next(ground_levels(tile, grid, (1,))), local.field, shapes,
-        picture=_picture(tile, grid, options), patches=patches, close=close,
+        picture=image_rows(bake_site_tile(tile, grid, options.texture_pixels).rgb),
+        patches=patches, close=close,
     )  # fmt: skip
     return box, bool(patches)
 

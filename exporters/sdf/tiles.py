@@ -18,10 +18,9 @@ from terrain_forge.exporters.sdf import rocks
 
 from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
-    bake_ground,
+    bake_site_tile,
     coarse_shape,
     collision_losses,
-    finest_texture,
     horizon_losses,
     shifted,
     tile_anchor,
@@ -89,10 +88,7 @@ def _write_tile(
     friction = world_friction(whole.site.body, options)
     library = whole.library.prototypes
     coarse = [coarse_shape(shape, options.outline_error) for shape in library]
-    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
-    square = tile.ground.replace(elevation=np.zeros((side, side), np.float32))
-    finer = finest_texture(square, options.texture_pixels)
-    texture = bake_ground(tile.world, finer=finer)
+    texture = bake_site_tile(tile, grid, options.texture_pixels)
     ground = ground_surface(local, texture, model, options, name="ground")
     shared = _shapes(folder, site, options)
     close = frozenset(seen_close(tile.world, within=options.close_within_m).tolist())
@@ -131,7 +127,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         uri = leaves(uri=f"model://{place}", name=told["name"], pose=pose)
         includes.append(element("include", *uri))
         box = element("geometry", element("box", *leaves(size=tuple(told["size"]))))
-        level = f"level_{tile.row:03}_{tile.column:03}"
+        level = f"level_{tile.place}"
         more = leaves(buffer=buffer, ref=told["name"])
         levels.append(element("level", *leaves(pose=pose), box, *more, name=level))
     if shown := options.horizon and horizon is not None:
@@ -159,7 +155,7 @@ def _write_close(tiled: TiledSite, directory: Path, options: Options) -> dict[in
     for built, tile in tiled.near_paths(within):
         close = tile.field.select(np.isin(tile.field.id, seen_close(tile.world, within=within)))
         if rocks.is_single(close, options.individual_min_m).any():
-            folder = directory / f"close_{built.row:03}_{built.column:03}"
+            folder = directory / f"close_{built.place}"
             places[tile.number] = f"{directory.name}/{folder.name}"
             folder.mkdir(exist_ok=True)
             _write_tile(tile, folder, places[tile.number], tiled.grid, directory.name, options)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +31,6 @@ from terrain_forge.model import (
     material_frictions,
     world_friction,
 )
-from terrain_forge.rocks import cells_near_paths
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
 from terrain_forge.writers import encode_jpeg, write_png
@@ -68,16 +67,11 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
-    looks = write_patches(stage, patches_near_paths(tile, options), assets, name, friction.ground)
+    within, largest = options.close_within_m, options.texture_pixels
+    patches = close_patches(tile, within=within, largest=largest)
+    looks = write_patches(stage, patches, assets, name, friction.ground)
     bind_faces(stage, mesh, tile, options, looks)
     save(stage)
-
-
-def patches_near_paths(tile: Tile, options: Options) -> Iterator[ClosePatch]:
-    """The pictures of a tile's ground near paths."""
-    within = options.close_within_m
-    near = cells_near_paths(tile, within=within)
-    return close_patches(tile, near, within=within, largest=options.texture_pixels)
 
 
 def write_patches(

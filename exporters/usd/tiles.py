@@ -19,13 +19,13 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from terrain_forge.base import Array, image_rows
 from terrain_forge.geometry import (
     GroundLevel,
-    bake_ground,
+    bake_site_tile,
     close_loss,
+    close_patches,
     close_pixel,
     coarse_shape,
     collision_losses,
     detail_placement,
-    finest_texture,
     grid_texture_coordinates,
     ground_levels,
     grouped,
@@ -47,7 +47,7 @@ from terrain_forge.model import (
     World,
     world_friction,
 )
-from terrain_forge.rocks import require_pebbles, seen_close, tile_pebbles
+from terrain_forge.rocks import require_pebbles, seen_close, tiles_near_paths
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png
 
@@ -56,7 +56,6 @@ from .ground import (
     bind_faces,
     empty_materials,
     label_craters,
-    patches_near_paths,
     shown_craters,
     write_horizon,
     write_patches,
@@ -99,8 +98,7 @@ def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options
     local = Tile(
         number=tile.number, world=shifted(tile.world, anchor), whole=shifted(tile.whole, anchor)
     )
-    finer = finest_texture(tile.ground.replace(elevation=_square(grid)), options.texture_pixels)
-    picture = bake_ground(tile.world, finer=finer).rgb
+    picture = bake_site_tile(tile, grid, options.texture_pixels).rgb
     write_png(directory / "ground.png", image_rows(picture))
     shapes = tile.whole.library.prototypes
     levels = np.array([level_of_detail(shape, options.outline_error) for shape in shapes], np.int64)
@@ -142,12 +140,6 @@ def _write_finest_rocks(
         tile, directory, coarse=coarse, levels=levels, close=close, options=options, name=name,
         shared=shared,
     )  # fmt: skip
-
-
-def _square(grid: TileGrid) -> Any:
-    """A grid of as many nodes as most tiles have, so that all pictures are equally fine."""
-    side = min(grid.cells, max(grid.columns, grid.rows)) + 1
-    return np.zeros((side, side), np.float32)
 
 
 def smallest_shown(level: GroundLevel, tile: Tile) -> float:
@@ -251,12 +243,11 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     parent = layer.GetPrimAtPath(f"/{ROOT}/Tiles")
     with Sdf.ChangeBlock():
         for tile in tiled.tiles:
-            place = _place(tile)
-            prim = Sdf.PrimSpec(parent, f"tile_{place}", Sdf.SpecifierDef, "Xform")
-            part = near.get(place, _Near(file=f"{tile.folder}/tile.usda"))
+            prim = Sdf.PrimSpec(parent, f"tile_{tile.place}", Sdf.SpecifierDef, "Xform")
+            part = near.get(tile.place, _Near(file=f"{tile.folder}/tile.usda"))
             prim.payloadList.prependedItems = [Sdf.Payload(part.file)]
             # Pebbles lie on the finest ground: above and below a coarser one.
-            prim.variantSelections["lod"] = [*LEVELS][0 if place in near else -1]
+            prim.variantSelections["lod"] = [*LEVELS][0 if tile.place in near else -1]
     layer.Save()
     count, wanted = sum(pebbles.values()), options.pebbles_min_m > 0.0
     told = [pebbles_loss(count, options.pebbles_within_m)] * wanted
@@ -273,36 +264,31 @@ class _Near(NamedTuple):
     """Of the ground's pictures near paths [m]; 0 without any."""
 
 
-def _place(tile: BuiltTile) -> str:
-    return f"{tile.row:03}_{tile.column:03}"
-
-
 def _write_near(tiled: TiledSite, assets: Path, options: Options) -> dict[str, _Near]:
     """Write what tiles have near paths, which they were made without; by their places."""
-    found = {}
-    smallest, close = options.pebbles_min_m, options.close_within_m
-    reach = max(close, options.pebbles_within_m * (smallest > 0.0))
-    for built, tile in tiled.near_paths(reach):
-        place, count, file, pixel = _place(built), 0, f"{built.folder}/tile.usda", 0.0
-        if smallest > 0.0:
-            laid = tile_pebbles(tile, smallest=smallest, within=options.pebbles_within_m)
-            if count := len(laid):
-                write_pebbles(tile.world, laid, assets, name=f"pebbles_{place}")
+    found, close = {}, options.close_within_m
+    tiles = tiles_near_paths(
+        tiled, close=close, smallest=options.pebbles_min_m, within=options.pebbles_within_m
+    )
+    for built, tile, pebbles in tiles:
+        place, file, pixel = built.place, f"{built.folder}/tile.usda", 0.0
+        if len(pebbles):
+            write_pebbles(tile.world, pebbles, assets, name=f"pebbles_{place}")
         if parts := _write_close(built, tile, assets, options):
             file = f"./assets/close_{place}.usda"
             pixel = close_pixel(tile.whole, close) * ("ground" in parts)
             _write_close_tile(assets / f"close_{place}.usda", f"../{built.folder}", parts)
-        if count or parts:
-            found[place] = _Near(file, count, pixel)
+        if len(pebbles) or parts:
+            found[place] = _Near(file, len(pebbles), pixel)
     return found
 
 
 def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -> dict[str, str]:
     """Write the finest level of a tile as a camera near a path asks for; its new parts' files."""
     parts, within = dict[str, str](), options.close_within_m
-    patches = patches_near_paths(tile, options)
+    patches = close_patches(tile, within=within, largest=options.texture_pixels)
     if first := next(patches, None):
-        name = f"close_ground_{_place(built)}"
+        name = f"close_ground_{built.place}"
         whole = f"ground_{_FINEST}"
         stage = new_stage(assets / f"{name}.usdc", whole)
         mesh = UsdGeom.Mesh.Define(stage, f"/{whole}/surface")
@@ -321,7 +307,7 @@ def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -
         local = Tile(
             number=tile.number, world=shifted(tile.world, anchor), whole=shifted(tile.whole, anchor)
         )
-        name = f"close_rocks_{_place(built)}"
+        name = f"close_rocks_{built.place}"
         _write_finest_rocks(local, assets, name, close=close, options=options, shared=".")
         parts["rocks"] = f"./{name}.usdc"
     return parts

@@ -18,7 +18,8 @@ from terrain_forge.dtm.far import (
 from terrain_forge.dtm.interpolation import cubic
 from terrain_forge.dtm.landforms import landforms
 from terrain_forge.dtm.lattice import patch_pixels
-from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise, find_noisy_part
+from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise
+from terrain_forge.dtm.noisy_part import find_noisy_part
 from terrain_forge.dtm.point_posts import are_points, means_of_points
 from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
 from terrain_forge.dtm.quality import planar_posts

@@ -21,6 +21,7 @@ from .ground_mesh import write_ground_glb as write_ground_glb
 from .ground_mesh import write_ground_obj as write_ground_obj
 from .ground_texture import GroundTexture as GroundTexture
 from .ground_texture import bake_ground as bake_ground
+from .ground_texture import bake_site_tile as bake_site_tile
 from .ground_texture import bake_tile as bake_tile
 from .ground_texture import detail_placement as detail_placement
 from .ground_texture import finest_texture as finest_texture

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Mask
 from terrain_forge.geometry.ground_texture import GroundTexture, bake_cells, finest_texture
-from terrain_forge.model import Tile, Trajectory, World
+from terrain_forge.model import Tile, Trajectory, World, path_points
 
 FINEST = 0.004
 """Pixels are no finer: a camera of 1 mrad a pixel sees 1 to 4 mm from a metre up [m]."""
@@ -58,16 +58,17 @@ def _length_within(
     return float(steps[inside].sum())
 
 
-def close_patches(tile: Tile, near: Mask, *, within: float, largest: int) -> Iterator[ClosePatch]:
+def close_patches(tile: Tile, *, within: float, largest: int) -> Iterator[ClosePatch]:
     """Pictures of a tile's ground near paths, where they are finer than the tile's own.
 
     Args:
         tile: The tile.
-        near: Which of its cells are near, shape [rows, columns].
-        within: How far that is [m].
+        within: How far from a path they reach, to about a cell [m]; 0 for none.
         largest: Pixels of the usual picture along the longer side of the whole ground.
     """
-    spacing = tile.ground.spacing
+    near, spacing = cells_near_paths(tile, within=within), tile.ground.spacing
+    if not near.any():
+        return
     side = max(round(_SIDE / spacing), 1)
     finer = min(math.ceil(spacing / close_pixel(tile.whole, within)), _LARGEST // (side + 1))
     if finer <= finest_texture(tile.whole.ground, largest):
@@ -87,6 +88,32 @@ def close_patches(tile: Tile, near: Mask, *, within: float, largest: int) -> Ite
             scale=(columns / wide, rows / tall),
             offset=(-column / wide, -row / tall),
         )
+
+
+def cells_near_paths(tile: Tile, *, within: float) -> Mask:
+    """Which cells of a tile's ground lie within so many metres of a path, to about a cell.
+
+    Returns:
+        Shape [rows, columns].
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    ground = tile.ground
+    cells = ground.shape[0] - 1, ground.shape[1] - 1
+    if within <= 0.0:
+        return np.zeros(cells, np.bool_)
+    reach = math.ceil(within / ground.spacing) + 1
+    away = np.ones((cells[0] + 2 * reach, cells[1] + 2 * reach), np.bool_)
+    places = np.floor(
+        (path_points(tile.whole.trajectories) - ground.origin) / ground.spacing
+    ).astype(np.int64)
+    column, row = (places + reach).T
+    inside = (row >= 0) & (row < away.shape[0]) & (column >= 0) & (column < away.shape[1])
+    away[row[inside], column[inside]] = False
+    if away.all():
+        return np.zeros(cells, np.bool_)
+    near = distance_transform_edt(away) * ground.spacing <= within
+    return np.asarray(near[reach:-reach, reach:-reach])
 
 
 def close_loss(pixel: float, within: float) -> str:

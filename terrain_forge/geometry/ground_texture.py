@@ -21,7 +21,7 @@ from terrain_forge.base import (
     srgb_from_linear,
     stage_key,
 )
-from terrain_forge.model import GroundDetail, Heightfield, Tile, World
+from terrain_forge.model import GroundDetail, Heightfield, Tile, TileGrid, World
 from terrain_forge.scene import ground_grain
 
 _STEPS = 4096
@@ -70,6 +70,11 @@ def detail_placement(
 def bake_tile(tile: Tile, largest: int) -> GroundTexture:
     """The tile's part of a picture of the whole ground of `largest` pixels a side."""
     return bake_ground(tile.world, finer=finest_texture(tile.whole.ground, largest))
+
+
+def bake_site_tile(tile: Tile, grid: TileGrid, largest: int) -> GroundTexture:
+    """The picture of a tile of a site, of `largest` pixels a side where most tiles fill it."""
+    return bake_ground(tile.world, finer=max(largest // grid.usual_nodes, 1))
 
 
 def bake_ground(tile: World, *, finer: int) -> GroundTexture:

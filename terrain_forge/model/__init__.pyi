@@ -118,5 +118,6 @@ from .tiling import BuiltTile as BuiltTile
 from .tiling import TiledSite as TiledSite
 from .tiling import TileGrid as TileGrid
 from .trajectory import Trajectory as Trajectory
+from .trajectory import path_points as path_points
 from .world import Tile as Tile
 from .world import World as World

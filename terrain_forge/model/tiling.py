@@ -83,6 +83,11 @@ class TileGrid:
             for column in range(first, -(-end // self.cells)):
                 yield row * self.across + column
 
+    @property
+    def usual_nodes(self) -> int:
+        """Nodes of most tiles along a side; pictures of all tiles are as fine as theirs."""
+        return min(self.cells, max(self.columns, self.rows)) + 1
+
     def step(self, spacing: float) -> float:
         """What coordinates are rounded to in meshes [m], a power of two.
 
@@ -115,6 +120,11 @@ class BuiltTile:
     """How many rocks it has."""
     figures: dict[str, Any]
     """What its exporter told of it, as JSON."""
+
+    @property
+    def place(self) -> str:
+        """Row and column, as names of files and parts have them."""
+        return f"{self.row:03}_{self.column:03}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,6 +15,8 @@ from terrain_forge.base import Array, DataError, Record, checked, quaternion_fro
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
+_POINTS = 0.1
+"""Distance of points along paths [m]."""
 _SLACK = 1e-6
 """How far beyond its ends a trajectory still answers, for times that were rounded [s]."""
 
@@ -93,3 +96,15 @@ class Trajectory(Record):
             velocity=self._spline(times, 1)[:, :3],
             acceleration=self._spline(times, 2)[:, :3],
         )
+
+
+def path_points(paths: Iterable[Trajectory]) -> Array:
+    """Points along paths, 0.1 m apart, east and north [m], shape [points, 2]."""
+    points = [np.empty((0, 2))]
+    for trajectory in paths:
+        line = trajectory.position[:, :2]
+        steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
+        far = np.concatenate([[0.0], np.cumsum(steps)])
+        at = np.arange(0.0, far[-1] + _POINTS, _POINTS)
+        points.append(np.stack([np.interp(at, far, line[:, n]) for n in (0, 1)], axis=-1))
+    return np.concatenate(points)

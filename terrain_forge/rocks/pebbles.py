@@ -7,6 +7,7 @@ that has them among its rocks is for cameras and lidars alone.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,19 @@ from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
-from terrain_forge.model import USUAL_CELLS, RockField, Site, Tile, World, merge, owned
-from terrain_forge.rocks.near_paths import path_distance, path_points
+from terrain_forge.model import (
+    USUAL_CELLS,
+    BuiltTile,
+    RockField,
+    Site,
+    Tile,
+    TiledSite,
+    World,
+    merge,
+    owned,
+    path_points,
+)
+from terrain_forge.rocks.near_paths import path_distance
 
 MOST_PEBBLES = 2_000_000
 """Pebbles that one world, or tile, may have."""
@@ -62,10 +74,25 @@ def _require_few(expected: float, smallest: float, within: float) -> None:
         )
 
 
-def tile_pebbles(tile: Tile, *, smallest: float, within: float) -> RockField:
-    """The pebbles of a tile of a site, which lie in no other, as `path_pebbles` has them."""
-    laid = path_pebbles(tile.world, smallest=smallest, within=within)
-    return laid.select(owned(laid, tile.ground, tile.whole.site.bounds))
+def tiles_near_paths(
+    tiled: TiledSite, *, close: float, smallest: float, within: float
+) -> Iterator[tuple[BuiltTile, Tile, RockField]]:
+    """The tiles of a site that have something near paths, with their pebbles.
+
+    Args:
+        tiled: The site.
+        close: How far from a path something else than pebbles lies, at most [m]; 0 for nothing.
+        smallest: Diameter of the smallest pebbles [m], as `path_pebbles` has it; 0 for none.
+        within: How far from a path they lie, at most [m].
+
+    Returns:
+        Tiles, made with all paths, and the pebbles that lie in no other.
+    """
+    for built, tile in tiled.near_paths(max(close, within if smallest else 0.0)):
+        laid = tile.field.select(np.zeros(len(tile.field), np.bool_))
+        if smallest:
+            laid = path_pebbles(tile.world, smallest=smallest, within=within)
+        yield built, tile, laid.select(owned(laid, tile.ground, tiled.site.bounds))
 
 
 @checked

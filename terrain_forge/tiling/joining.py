@@ -15,9 +15,17 @@ from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
 from terrain_forge.building import foreign_files, lists_outputs
 from terrain_forge.dtm import open_dataset
-from terrain_forge.model import BuiltTile, Export, Tile, TiledSite, Trajectory, Window, World
+from terrain_forge.model import (
+    BuiltTile,
+    Export,
+    Tile,
+    TiledSite,
+    Trajectory,
+    Window,
+    World,
+    path_points,
+)
 from terrain_forge.recipe import sha256
-from terrain_forge.rocks import path_points
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
 from terrain_forge.tiling.making import digest_of, tile_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder

@@ -16,7 +16,8 @@ from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.increments import local_square_increments
 from terrain_forge.dtm.landforms import landforms
 from terrain_forge.dtm.matcher_windows import Window as MatcherWindow
-from terrain_forge.dtm.noise_floor import find_noise, find_noisy_part
+from terrain_forge.dtm.noise_floor import find_noise
+from terrain_forge.dtm.noisy_part import find_noisy_part
 from terrain_forge.dtm.vertical import height_step
 from terrain_forge.model import MARS, Window
 from terrain_forge.terrain import Fractal, rms_deviation, shape_ground, terrain_statistics

@@ -14,8 +14,8 @@ from terrain_forge.exporters.usd import Options as UsdOptions
 from terrain_forge.exporters.usd import export as export_usd
 
 from terrain_forge.geometry import bake_ground, close_ground, close_patches
-from terrain_forge.geometry.close_ground import close_pixel
-from terrain_forge.rocks import cells_near_paths, path_points
+from terrain_forge.geometry.close_ground import cells_near_paths, close_pixel
+from terrain_forge.model import path_points
 from tests.helpers.worlds import of_materials
 
 WITHIN = 1.5
@@ -38,7 +38,7 @@ def coarse():
 
 def patches_of(tile, within=WITHIN):
     near = cells_near_paths(tile, within=within)
-    return near, list(close_patches(tile, near, within=within, largest=1))
+    return near, list(close_patches(tile, within=within, largest=1))
 
 
 def test_cells_near_paths_are_those_within_reach(world):
@@ -91,8 +91,7 @@ def test_long_paths_have_coarser_pixels(world, monkeypatch):
 
 def test_a_finer_picture_of_the_whole_needs_none(world):
     tile = next(world.tiles())
-    near = cells_near_paths(tile, within=WITHIN)
-    assert not list(close_patches(tile, near, within=WITHIN, largest=8192))
+    assert not list(close_patches(tile, within=WITHIN, largest=8192))
 
 
 def test_usd_shows_them_on_faces_of_their_own(world, tmp_path):

@@ -17,7 +17,8 @@ from terrain_forge.exporters.sdf import Options as SdfOptions
 
 import terrain_forge as tf
 from terrain_forge.base import DataError
-from terrain_forge.rocks import path_pebbles, path_points, seen_close
+from terrain_forge.model import path_points
+from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
