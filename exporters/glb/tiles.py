@@ -16,7 +16,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -47,21 +46,24 @@ from terrain_forge.geometry import (
     tile_anchor,
 )
 from terrain_forge.model import (
+    CLOSE,
     BuiltTile,
     Horizon,
     Mesh,
     RockField,
+    RockLibrary,
     Tile,
     TiledSite,
     TileGrid,
     World,
 )
-from terrain_forge.rocks import require_pebbles, seen_close, tiles_near_paths
+from terrain_forge.rocks import require_pebbles, rocks_near_paths, seen_close, tiles_near_paths
 from terrain_forge.writers import Gltf, encode_png
 
 from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
 from .options import Options
 from .pebbles import write_pebbles
+from .rocks import node_texts, rock_meshes
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
@@ -129,12 +131,13 @@ def _write_level(
     *,
     picture: NDArray[np.uint8],
     patches: Sequence[ClosePatch] = (),
+    near: NDArray[np.int32] = _NONE,
     close: NDArray[np.int32] = _NONE,
 ) -> Box:
     """Write a level of a tile as GLB; returns the box of its vertices.
 
-    The finest one has `patches` of its ground near paths, and close meshes of the rocks with ids in
-    `close`.
+    The finest one has `patches` of its ground near paths, and as nodes of their own, with maps, the
+    rocks with ids in `near`, by the close meshes of their shapes those in `close`.
     """
     shape = tile.ground.shape
     boxes = [_box(level.vertices)]
@@ -155,14 +158,10 @@ def _write_level(
         primitives = patched(primitive, patches, gltf, shape=shape, name="ground")
         gltf.add("meshes", {"name": "ground", "primitives": primitives})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
-        finest = [shape.close or shape.meshes[0] for shape in tile.whole.library.prototypes]
-        for population, some in grouped(rocks):
+        fine = np.isin(rocks.id, near)
+        for population, some in grouped(rocks.select(~fine)):
             rgb = lightest_rock_colour(tile.world, population).tolist()
-            fine = np.isin(some.id, close)
-            parts = chain(
-                coloured_parts(some.select(~fine), shapes, local),
-                coloured_parts(some.select(fine), finest, local),
-            )
+            parts = coloured_parts(some, shapes, local)
             for number, (vertices, normals, faces, colours) in enumerate(parts):
                 name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
                 places = vertices.astype(np.float32)
@@ -172,6 +171,12 @@ def _write_level(
                 mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
                 nodes.append({"name": name, "mesh": mesh})
                 boxes.append(_box(places))
+        single = rocks.select(fine)
+        if len(single):
+            levels = np.where(np.isin(single.id, close), CLOSE, 0)
+            meshes = rock_meshes(local, single, gltf, levels)
+            boxes.append(_rocks_box(single, tile.whole.library))
+            nodes += json.loads(f"[{','.join(node_texts(single, meshes))}]")
         _write_asset(gltf, path, nodes, transforms=bool(patches))
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
@@ -189,6 +194,16 @@ def _write_asset(
         scene=0,
         scenes=[{"nodes": [0]}],
     )
+
+
+def _rocks_box(rocks: RockField, library: RockLibrary) -> Box:
+    """A box that holds rocks, however they are turned."""
+    shapes = [(shape.meshes[0], *filter(None, [shape.close])) for shape in library.prototypes]
+    spheres = np.array(
+        [max(np.linalg.norm(mesh.vertices, axis=1).max() for mesh in some) for some in shapes]
+    )
+    reach = (spheres[rocks.prototype] * rocks.scale)[:, None]
+    return _box(np.vstack([rocks.position - reach, rocks.position + reach]))
 
 
 def _box(vertices: NDArray[Any]) -> Box:
@@ -220,7 +235,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
         "rocks' outlines, not of colours.",
         "3D Tiles know no physics, and their rocks are merged per tile, without names.",
-        "Soil and rocks have no maps of fine normals; a rock has one colour, and dust on top.",
+        f"Soil and rocks{' away from paths' if near.tiles else ''} have no maps of fine normals; a "
+        "rock has one colour, and dust on top.",
         *([close_loss(near.pixel, options.close_within_m)] if near.pixel else []),
         "The tileset lies in the site's own frame, not on a globe.",
         *horizon_losses(horizon, shown=shown),
@@ -276,15 +292,15 @@ def _write_close(
     """
     within = options.close_within_m
     patches = tuple(close_patches(tile, within=within, largest=options.texture_pixels))
-    close = seen_close(tile.world, within=within)
-    if not patches and not close.size:
+    near = rocks_near_paths(tile.world, smallest=options.instances_min_m, within=within)
+    if not patches and not near.size:
         return None
     local = shifted(tile.world, tile_anchor(tile, grid))
     shapes = [coarse_shape(one, options.outline_error) for one in tile.whole.library.prototypes]
     box = _write_level(
         path, tile, local, next(ground_levels(tile, grid, (1,))), local.field, shapes,
         picture=image_rows(bake_site_tile(tile, grid, options.texture_pixels).rgb),
-        patches=patches, close=close,
+        patches=patches, near=near, close=seen_close(tile.world, within=within),
     )  # fmt: skip
     return box, bool(patches)
 

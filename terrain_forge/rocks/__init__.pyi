@@ -41,6 +41,7 @@ from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
 from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
+from .near_paths import rocks_near_paths as rocks_near_paths
 from .near_paths import seen_close as seen_close
 from .packing import check_packing as check_packing
 from .pebbles import path_pebbles as path_pebbles

@@ -19,18 +19,26 @@ def path_distance(world: World, places: Array) -> Array:
     return np.asarray(KDTree(points).query(places)[0])
 
 
-def seen_close(world: World, *, within: float) -> NDArray[np.int32]:
-    """The rocks that pictures near the world's paths should draw by their close meshes.
-
-    They are the large ones (`CLOSE_MIN_M`) whose edge is no farther than `within` [m] from a path
-    and whose shapes have such a mesh; with 0 none.
+def rocks_near_paths(world: World, *, smallest: float, within: float) -> NDArray[np.int32]:
+    """The rocks of at least `smallest` [m] no farther than `within` [m] from a path; with 0 none.
 
     Returns:
         Their ids, shape [rocks].
     """
-    rocks = world.field
+    rocks = world.field.select((world.field.diameter >= smallest) & (within > 0.0))
+    away = path_distance(world, rocks.position[:, :2]) - 0.5 * rocks.diameter
+    return np.asarray(rocks.id[away <= within])
+
+
+def seen_close(world: World, *, within: float) -> NDArray[np.int32]:
+    """The rocks that pictures near the world's paths should draw by their close meshes.
+
+    They are the large ones (`CLOSE_MIN_M`) near a path, as `rocks_near_paths` has them, whose
+    shapes have such a mesh.
+
+    Returns:
+        Their ids, shape [rocks].
+    """
     has_one = np.array([shape.close is not None for shape in world.library.prototypes], np.bool_)
-    fine = has_one[rocks.prototype] & (within > 0.0)
-    large = rocks.select(fine & (rocks.diameter >= CLOSE_MIN_M))
-    away = path_distance(world, large.position[:, :2]) - 0.5 * large.diameter
-    return np.asarray(large.id[away <= within])
+    fine = world.replace(field=world.field.select(has_one[world.field.prototype]))
+    return rocks_near_paths(fine, smallest=CLOSE_MIN_M, within=within)

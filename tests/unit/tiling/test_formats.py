@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
+from terrain_forge.exporters.glb import Options as GlbOptions
 from terrain_forge.exporters.sdf import Options as SdfOptions
 
 import terrain_forge as tf
 from terrain_forge.base import DataError
 from terrain_forge.model import path_points
-from terrain_forge.rocks import path_pebbles, seen_close
+from terrain_forge.rocks import path_pebbles, rocks_near_paths, seen_close
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
@@ -305,7 +307,10 @@ def near(tmp_path_factory):
     path = (
         "{name: p, speed_m_s: 0.5, route: {kind: spline, points_m: [[-20, -10], [0, 5], [20, 12]]}}"
     )
-    text = {"exports: []": f"{exports}\npaths: [{path}]"}
+    text = {
+        "exports: []": f"{exports}\npaths: [{path}]",
+        "diameter_m: [0.25, 0.8]": "diameter_m: [0.18, 0.8]",
+    }
     recipe = tf.load_recipe(write_recipe(folder, exports="", **text)).recipe
     tf.build(recipe, folder / "site", workers=0)
     return folder / "site", tf.realise(tf.plan(recipe))
@@ -421,14 +426,47 @@ def test_3d_tiles_show_the_ground_near_paths_in_their_finest_level(near):
         assert "normalTexture" not in looks[-1]
         box = np.array(boxes[name])
         half = np.diag(box[3:].reshape(3, 3))
-        for mesh in told["meshes"]:
-            for piece in mesh["primitives"]:
-                points = array(piece["attributes"]["POSITION"])
+        for node in told["nodes"][1:]:
+            turn = Rotation.from_quat(node.get("rotation", [0.0, 0.0, 0.0, 1.0]))
+            for piece in told["meshes"][node["mesh"]]["primitives"]:
+                points = array(piece["attributes"]["POSITION"]) * node.get("scale", [1.0] * 3)
+                points = turn.apply(points) + node.get("translation", [0.0] * 3)
                 assert (np.abs(points - box[:3]) <= half + 1e-5).all()
         used = {piece["indices"] for mesh in told["meshes"] for piece in mesh["primitives"]}
         used |= {n for mesh in told["meshes"] for p in mesh["primitives"]
                  for n in p["attributes"].values()}  # fmt: skip
         assert used == set(range(len(told["accessors"])))
+
+
+@pytest.mark.slow
+def test_rocks_of_3d_tiles_near_paths_have_maps(near):
+    """Each is there once, large ones by their close mesh, where it lies; the others are merged."""
+    site, whole = near
+    ids = rocks_near_paths(whole, smallest=GlbOptions().instances_min_m, within=NEAR)
+    wanted = whole.field.select(np.isin(whole.field.id, ids))
+    close = np.isin(wanted.id, seen_close(whole, within=NEAR))
+    assert 3 < close.sum() < len(ids)
+    shift = {node["content"]["uri"]: place for node, place in contents(site)}
+    found = {}
+    for path in sorted(site.glob("glb/close_*.glb")):
+        told, array = read_glb(path)
+        for node in told["nodes"]:
+            if not node.get("name", "").startswith("rock_"):
+                continue
+            piece = told["meshes"][node["mesh"]]["primitives"][0]
+            look = told["materials"][piece["material"]]
+            assert "normalTexture" in look
+            assert "metallicRoughnessTexture" in look["pbrMetallicRoughness"]
+            number, faces = int(node["name"].removeprefix("rock_")), len(array(piece["indices"]))
+            assert number not in found
+            found[number] = faces // 3, *(np.array(node["translation"]) + shift[path.name])
+    shapes = [
+        whole.library.prototypes[n].drawn(-int(c))
+        for n, c in zip(wanted.prototype, close, strict=True)
+    ]
+    rows = np.column_stack([[len(mesh.faces) for mesh, _ in shapes], wanted.position])
+    assert sorted(found) == wanted.id.tolist()
+    assert np.allclose([found[one] for one in wanted.id.tolist()], rows, rtol=0.0, atol=1e-5)
 
 
 @pytest.mark.consumer
