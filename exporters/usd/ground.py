@@ -41,6 +41,8 @@ from .options import Options
 
 DETAIL = "ground_detail.png"
 """The normal map that all tiles' materials repeat."""
+LOOK = "Looks/regolith"
+"""Place of a tile's own material in its layer."""
 _SOIL = "st1"
 """Texture coordinates of the land beyond for that map: its own picture is a palette."""
 _CENTRES = np.array([(2 / 3, 1 / 3), (1 / 3, 2 / 3)])
@@ -60,7 +62,7 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     label(mesh.GetPrim(), "ground")
     label_craters(mesh, ground, craters)
     write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
-    path = f"/{name}/Looks/regolith"
+    path = f"/{name}/{LOOK}"
     friction = world_friction(tile.whole.site.body, options)
     look = define_textured(stage, path, f"./{name}.png", friction.ground, wrap="clamp")
     if detail := tile.whole.appearance.detail:
@@ -148,15 +150,18 @@ def bind_faces(
     found, starts = np.unique(subsets[order], return_index=True)
     for key, group in zip(found.tolist(), np.split(order, starts[1:]), strict=True):
         patch, kind = divmod(key, kinds)
-        if key == 0:
+        if key == 0 and not patches:
             continue
-        name = "_".join([f"material_{kind}"] * (kind > 0) + [f"close_{patch}"] * (patch > 0))
+        parts = [f"material_{kind}"] * (kind > 0) + [f"close_{patch}"] * (patch > 0)
+        name = "_".join(parts) or "far"
         faces = (2 * group[:, None] + np.arange(2)).reshape(-1)
         subset = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset(
             name, Vt.IntArray.FromNumpy(faces.astype(np.int32))
         )
         if patch:
             bind(subset.GetPrim(), patches[patch - 1][1])
+        elif patches:  # Blender gives faces without a look of their own that of any other
+            bind(subset.GetPrim(), UsdShade.Material(stage.OverridePrim(f"{root}/{LOOK}")))
         if kind:
             label(subset.GetPrim(), looks.materials[kind].name)
         if 0 < kind < len(frictions):

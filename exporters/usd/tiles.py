@@ -53,6 +53,7 @@ from terrain_forge.writers import write_png
 
 from .ground import (
     DETAIL,
+    LOOK,
     bind_faces,
     empty_materials,
     label_craters,
@@ -158,7 +159,7 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
     label(mesh.GetPrim(), "ground")
     if level.stride == 1:
         label_craters(mesh, ground, shown_craters(tile.world))
-    look = f"/{name}/Looks/regolith"
+    look = f"/{name}/{LOOK}"
     friction = world_friction(tile.whole.site.body, options)
     material = define_textured(stage, look, "./ground.png", friction.ground, wrap="clamp")
     if level.stride == 1 and (detail := tile.whole.appearance.detail):

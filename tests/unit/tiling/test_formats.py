@@ -348,7 +348,7 @@ def test_ground_of_tiles_is_fine_near_paths(near):
                 ]
                 assert len(files) == 2
                 assert all(Path(one.resolvedPath).is_file() for one in files)
-        assert shown.max(initial=0) <= 1
+        assert (shown == close.any()).all()  # Blender shows any look where a face has none
         away = line.query(middles)[0]
         assert close[away < NEAR - 0.4].all()
         assert not close[away > NEAR + 0.4].any()
