@@ -7,14 +7,19 @@ which there is `over_chunks`.
 
 from __future__ import annotations
 
+import os
+import stat
+import tempfile
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import config, get_num_threads, njit
 
 from terrain_forge.base.compiler import KernelCompiler, PartCompiler
+from terrain_forge.base.errors import StorageError
 from terrain_forge.base.threads import worker_threads
 
 _CHUNKS_PER_THREAD = 4
@@ -71,3 +76,30 @@ def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
     borders = np.linspace(0, count, chunks + 1).astype(int).tolist()
     with worker_threads(threads) as pool:
         list(pool.map(lambda border: part(*border, *arguments), pairwise(borders)))
+
+
+def _find_place() -> None:
+    """Keep kernels in a folder for temporary files where no other takes them.
+
+    Raises:
+        StorageError: if there is none, or others can write what is there.
+    """
+    try:
+        njit(cache=True)(_find_place)  # asks for a place, and compiles nothing
+    except RuntimeError:
+        try:
+            folder = Path(tempfile.gettempdir(), f"terrain-forge-kernels-{os.getuid()}")
+            folder.mkdir(mode=0o700, exist_ok=True)
+            found = folder.lstat()  # kernels are code: nobody else may have put them there
+            if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) != 0o700:
+                raise FileExistsError(f"{folder} is not yours alone")
+        except OSError as error:
+            raise StorageError(
+                f"no folder takes the compiled kernels ({error}): name one in NUMBA_CACHE_DIR"
+            ) from error
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)  # other processes of this run share it
+        settings: Any = config
+        settings.CACHE_DIR = str(folder)
+
+
+_find_place()
