@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import EntryPoint
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -160,9 +161,13 @@ def interpreter(adapter: Adapter) -> Path:
     """The Python that runs a system: of its own environment, or this one where it needs none.
 
     Raises:
-        DataError: if the environment was not made yet; says how.
+        DataError: if the environment was not made yet, or a module is missing; says how.
     """
     if not adapter.packages:
+        for module in adapter.modules:
+            if find_spec(module.partition(".")[0]) is None:
+                remedy = "pip install 'terrain-forge[slam]'"
+                raise DataError(f"{adapter.name} needs the module {module}: {remedy}")
         return Path(sys.executable)
     folder = environment(adapter)
     if not (folder / _DONE).is_file():

@@ -120,7 +120,7 @@ class Counts(SizeLaw):
             return replace(self, file=None, diameters_m=tuple(table.column("diameter_m").tolist()))
         if set(table.columns) != set(_BINS):
             found = ", ".join(table.columns)
-            columns = "the column diameter_m, or low_m, high_m and count"
+            columns = "the column diameter_m alone, or low_m, high_m and count"
             raise ValueError(f"needs {columns}; found {found}")
         rows = [*zip(*(table.column(name).tolist() for name in _BINS), strict=True)]
         if any(count < 0 or count != int(count) for _, _, count in rows):

@@ -17,6 +17,7 @@ from terrain_forge.building import holding
 from terrain_forge.datasets import FORMATS, open_recording, state_of, write_dataset
 from terrain_forge.evaluation import (
     ScoreOptions,
+    catalogue,
     chosen_systems,
     evaluate_recording,
     find_system,
@@ -24,7 +25,7 @@ from terrain_forge.evaluation import (
     known_systems,
     result_lines,
 )
-from terrain_forge.evaluation.bench import truth_of
+from terrain_forge.evaluation.bench import system_lines, truth_of
 from terrain_forge.evaluation.catalogue import read_system, with_binaries
 from terrain_forge.evaluation.needs import sensor_places
 from terrain_forge.evaluation.paper import paper_figure
@@ -380,6 +381,13 @@ def test_the_catalogue_is_whole(dataset):
 
 def test_by_default_those_that_are_there_and_find_their_sensors(dataset, monkeypatch, tmp_path):
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))  # nothing is installed
+    monkeypatch.setattr(catalogue, "find_spec", lambda _: None)
+    assert [one.name for one in chosen_systems(None, dataset)] == ["imu"]
+    listed = {line.split("  ")[0]: line for line in system_lines()}
+    assert " not installed " in listed["stereo-odometry"]
+    with pytest.raises(DataError, match=r"stereo-odometry needs the module cv2: pip install '"):
+        catalogue.require_ready(find_system("stereo-odometry"))
+    monkeypatch.setattr(catalogue, "find_spec", lambda _: True)
     assert [one.name for one in chosen_systems(None, dataset)] == ["imu", "stereo-odometry"]
     more = chosen_systems(None, dataset, ["libviso2=viso"])
     assert [one.binary for one in more] == ["", "", "viso"]
