@@ -28,10 +28,14 @@ schema: 1
 name: tiny
 seed: 5
 body: mars
-dtm: {source: SAMPLES/gale_floor_synthetic.tif, centre: {offset_m: [30, -20]}, size_m: [16, 12]}
+dtm:
+  source: SAMPLES/gale_floor_synthetic.tif
+  centre: {offset_m: [30, -20]}
+  size_m: [16, 12]
+  noise: keep
 terrain: {spacing_m: 0.25, layers: [{kind: fractal}]}
 rocks:
-  library: {shapes: 6, seed: 3}
+  library: {shapes: 3, seed: 3}
   populations:
     - {name: pebbles, size_frequency: {kind: golombek, k: 0.1}, diameter_m: [0.15, 0.5]}
     - {name: boulders, size_frequency: {kind: golombek, k: 0.3}, diameter_m: [0.5, 1.2]}
@@ -293,7 +297,7 @@ def test_wrong_input_leaves_nothing(tmp_path):
     done = run("build", path, "-o", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert f"{path}:7: terrain.spacing: unknown key 'spacing'" in done.stderr
+    assert f"{path}:11: terrain.spacing: unknown key 'spacing'" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
     for command in ("export", "validate", "view"):
         more = ["--only", "usd"] if command == "export" else []

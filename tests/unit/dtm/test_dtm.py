@@ -68,6 +68,10 @@ def write_raster(path, *, crs=EQC, transform=None, dtype="float32", shape=(300, 
     return path
 
 
+SPEC = RasterDtm(source="dtm.tif", size_m=(120.0, 80.0), noise="keep")
+"""Most of planning would be to look for noise."""
+
+
 def look(spec, folder, *, body=MARS, spacing=0.5, heights=None):
     """The site of a survey, and its ground."""
     found = survey(spec, body=body, folder=folder, heights=heights)
@@ -90,7 +94,7 @@ def rms(values):
 )
 def test_ground_lies_where_the_raster_does(tmp_path, transform_):
     write_raster(tmp_path / "dtm.tif", transform=transform_)
-    site, ground = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0)), tmp_path)
+    site, ground = look(SPEC, tmp_path)
     east, north = np.meshgrid(ground.east, ground.north)
     x, y = transform(site.crs, rasterio.crs.CRS.from_proj4(EQC).to_wkt(), east, north)
     middle = at(transform_, 200.0, 150.0)
@@ -103,7 +107,7 @@ def test_site_metres_are_true(tmp_path):
     """An equirectangular map with its true parallel at the equator stretches east at 60° N by
     two."""
     write_raster(tmp_path / "dtm.tif", transform=from_origin(0.0, 3556500.0, 1.0, 1.0))
-    site, _ = look(RasterDtm(source="dtm.tif", size_m=(80.0, 80.0)), tmp_path)
+    site, _ = look(SPEC, tmp_path)
     lon, lat = np.degrees(site.lonlat)
     assert lat == pytest.approx(60.0, abs=0.01)
     ends = transform(
@@ -117,7 +121,7 @@ def test_kilometres_are_read_without_a_word(tmp_path, capfd):
     where = from_origin(5.0, -272.0, 1e-3, 1e-3)
     write_raster(tmp_path / "dtm.tif", crs=f"{EQC} +units=km", transform=where)
     capfd.readouterr()
-    site, ground = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0)), tmp_path)
+    site, ground = look(SPEC, tmp_path)
     assert capfd.readouterr().err == ""
     assert site.dtm.posting == pytest.approx(1.0, rel=1e-3)
     assert ground.spacing == 0.5
@@ -125,7 +129,7 @@ def test_kilometres_are_read_without_a_word(tmp_path, capfd):
 
 def test_north_is_true_on_a_polar_grid(tmp_path):
     write_raster(tmp_path / "dtm.tif", crs=POLAR, transform=from_origin(-200.0, 90150.0, 1.0, 1.0))
-    site, _ = look(RasterDtm(source="dtm.tif", size_m=(60.0, 60.0)), tmp_path)
+    site, _ = look(replace(SPEC, size_m=(60.0, 60.0)), tmp_path)
     geographic = rasterio.crs.CRS.from_proj4("+proj=longlat +R=3376200").to_wkt()
     lon, lat = transform(site.crs, geographic, np.zeros(2), np.array([0.0, 25.0]))
     assert lat[1] > lat[0]
@@ -140,16 +144,14 @@ def test_longitudes_count_either_way(tmp_path, west, asked):
         crs="+proj=longlat +R=3396190",
         transform=from_origin(west, -29.99, step * 4, step * 4),
     )
-    spec = RasterDtm(
-        source="dtm.tif", size_m=(60.0, 60.0), centre=Centre(lonlat_deg=(asked, -30.0))
-    )
+    spec = replace(SPEC, size_m=(60.0, 60.0), centre=Centre(lonlat_deg=(asked, -30.0)))
     site, _ = look(spec, tmp_path)
     assert np.degrees(site.lonlat[1]) == pytest.approx(-30.0)
 
 
 def test_levelling_takes_the_plane_away(tmp_path):
     write_raster(tmp_path / "dtm.tif")
-    site, ground = look(RasterDtm(source="dtm.tif", size_m=(120.0, 80.0), level="plane"), tmp_path)
+    site, ground = look(replace(SPEC, level="plane"), tmp_path)
     z, east, north = ground.elevation.astype(float), ground.east, ground.north
     assert abs(np.mean(z * east[None, :])) / np.mean(east**2) < 1e-4
     assert abs(np.mean(z * north[:, None])) / np.mean(north**2) < 1e-4
@@ -163,21 +165,19 @@ def test_holes_are_filled_and_counted(tmp_path):
         return heights
 
     write_raster(tmp_path / "dtm.tif", change=punch)
-    site, ground = look(RasterDtm(source="dtm.tif", size_m=(100.0, 60.0)), tmp_path)
+    site, ground = look(SPEC, tmp_path)
     assert site.dtm.filled == 36
     assert np.abs(np.diff(ground.elevation.astype(float), axis=0)).max() < 1.0
 
 
 def test_stored_integers_become_metres(tmp_path):
     write_raster(tmp_path / "dtm.tif", dtype="uint16", change=lambda h: 30000 + 1000 * h)
-    spec = RasterDtm(source="dtm.tif", size_m=(100.0, 60.0))
     with pytest.raises(DataError, match="vertical scale"):
-        look(spec, tmp_path)
-    spec = RasterDtm(source="dtm.tif", size_m=(100.0, 60.0), height_scale=1e-3)
-    _, ground = look(spec, tmp_path)
+        look(SPEC, tmp_path)
+    _, ground = look(replace(SPEC, height_scale=1e-3), tmp_path)
     with rasterio.open(tmp_path / "dtm.tif", "r+") as file:
         file.scales, file.offsets = (1e-3,), (-12.0,)
-    site, declared = look(RasterDtm(source="dtm.tif", size_m=(100.0, 60.0)), tmp_path)
+    site, declared = look(SPEC, tmp_path)
     assert np.allclose(ground.elevation, declared.elevation, atol=1e-5)
     assert site.datum_height == pytest.approx(18.0 + surface(0, 0), abs=2e-3)
 
@@ -191,7 +191,7 @@ def test_height_map_without_georeference(tmp_path):
     Image.fromarray(values).save(tmp_path / "map.png")
     spec = RasterDtm(
         source="map.png", size_m=(100.0, 60.0), extent_m=(256.0, 128.0), pixel_is="point",
-        height_range_m=(0.0, 25.5), centre=Centre(offset_m=(20.0, -10.0)),
+        height_range_m=(0.0, 25.5), centre=Centre(offset_m=(20.0, -10.0)), noise="keep",
     )  # fmt: skip
     site, ground = look(spec, tmp_path)
     assert not site.georeferenced
@@ -260,7 +260,7 @@ def test_dtm_that_cannot_serve(tmp_path, change, message):
     write_raster(tmp_path / "dtm.tif")
     for name in ("text.txt", "a.npz", "e.hdr", "e.img", "f.img", "f.img.hdr", "alone.hdr"):
         (tmp_path / name).write_text("no raster")
-    spec = RasterDtm(**{"source": "dtm.tif", "size_m": (100.0, 80.0)} | change)
+    spec = replace(SPEC, **change)
     with pytest.raises(DataError, match=message):
         look(spec, tmp_path)
 
@@ -268,9 +268,9 @@ def test_dtm_that_cannot_serve(tmp_path, change, message):
 def test_nodata_everywhere_or_another_body(tmp_path):
     write_raster(tmp_path / "dtm.tif", change=lambda h: np.full_like(h, -9999.0))
     with pytest.raises(DataError, match="no valid height"):
-        look(RasterDtm(source="dtm.tif", size_m=(100.0, 80.0)), tmp_path)
+        look(SPEC, tmp_path)
     with pytest.raises(DataError, match="moon has 1737 km"):
-        look(RasterDtm(source="dtm.tif", size_m=(100.0, 80.0)), tmp_path, body=MOON)
+        look(SPEC, tmp_path, body=MOON)
 
 
 def test_kernel_reproduces_quadratics_and_samples():
@@ -312,6 +312,7 @@ def test_pds3_sample_with_detached_label():
     spec = RasterDtm(
         source="lola_ldem16_tranquillitatis.LBL",
         size_m=(20000.0, 20000.0),
+        noise="keep",
         centre=Centre(lonlat_deg=(23.47297, 0.67408)),
     )
     site, _ = look(spec, samples, body=MOON, spacing=500.0)
@@ -324,7 +325,9 @@ def test_pds3_sample_with_detached_label():
 def test_landing_pixel_of_perseverance():
     with rasterio.open(JEZERO) as file:
         x, y = at(file.transform, 664.5, 268.5)
-    spec = RasterDtm(source=JEZERO.name, size_m=(160.0, 160.0), centre=Centre(crs=(x, y)))
+    spec = RasterDtm(
+        source=JEZERO.name, size_m=(160.0, 160.0), centre=Centre(crs=(x, y)), noise="keep"
+    )
     site, ground = look(spec, JEZERO.parent, spacing=0.125)
     assert ground.shape == (1281, 1281)
     assert site.datum_height == pytest.approx(-2568.53, abs=0.005)

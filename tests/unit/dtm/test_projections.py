@@ -11,7 +11,6 @@ import rasterio
 from rasterio.transform import Affine
 
 from terrain_forge.dtm import (
-    RasterDtm,
     ellipsoid,
     geographic_crs,
     open_raster,
@@ -60,7 +59,7 @@ def test_known_points_land_where_they_are(tmp_path, name, turn):
     peaks = [(0.0, 0.0), (40.0, 25.0), (-45.0, 30.0), (35.0, -40.0)]
     heights = sum(4.0 * np.exp(-((east - e) ** 2 + (north - n) ** 2) / 18.0) for e, n in peaks)
     write_raster(tmp_path, heights.astype("float32"), crs=crs, transform=to_crs)
-    spec = RasterDtm(source="dtm.tif", size_m=(140.0, 120.0), centre=Centre(lonlat_deg=(lon, lat)))
+    spec = replace(SPEC, size_m=(140.0, 120.0), centre=Centre(lonlat_deg=(lon, lat)))
     site, ground = plan(tmp_path, spec, body=MOON, spacing=0.5)
     write_geotiff(tmp_path / "out.tif", ground.elevation, world_ground=ground, site=site)
     with rasterio.open(tmp_path / "out.tif") as file:
@@ -102,7 +101,7 @@ def test_scale_error_is_that_of_the_projection():
 
 
 def test_facts_of_a_site(tmp_path):
-    write_raster(tmp_path, rough().astype("float32"))
+    write_raster(tmp_path, rough((300, 400)).astype("float32"))
     site, _ = plan(tmp_path)
     facts = site_facts(site)
     assert "lengths      true throughout, to 0.1 mm in a kilometre" in facts

@@ -212,8 +212,9 @@ def test_known_points_lie_where_they_are(tmp_path, name):
     case = CASES[name]
     centre = write_case(case, tmp_path)
     spec = RasterDtm(
-        source="dtm.tif", size_m=(110.0, 80.0), centre=Centre(lonlat_deg=centre), **case.spec
-    )
+        source="dtm.tif", size_m=(110.0, 80.0), centre=Centre(lonlat_deg=centre), noise="keep",
+        **case.spec,
+    )  # fmt: skip
     site = worlds.site().replace(
         size=spec.size_m, spacing=1.0, body=MOON,
         **vars(survey(spec, body=MOON, folder=tmp_path, heights=None)),
@@ -299,9 +300,8 @@ def test_bent_meridians_are_refused(tmp_path):
     """300 m from the pole, nodes between anchors of 80 m would lie half a post off."""
     case = Case(LL, degrees, (30.0, 90.0 - 300.0 * M), (0.12, -5 * M))
     write_case(case, tmp_path)
-    spec = RasterDtm(
-        source="dtm.tif", size_m=(100.0, 80.0), centre=Centre(lonlat_deg=(30.0, 90.0 - 300.0 * M))
-    )
+    centre = Centre(lonlat_deg=(30.0, 90.0 - 300.0 * M))
+    spec = RasterDtm(source="dtm.tif", size_m=(100.0, 80.0), centre=centre, noise="keep")
     recipe = Recipe(
         name="bent", body="moon", dtm=spec, terrain=TerrainSpec(spacing_m=2.5), exports=()
     )

@@ -27,6 +27,9 @@ RADIUS = 3396190.0
 CRS = f"+proj=eqc +R={RADIUS} +units=m +no_defs"
 
 
+FINE = RasterDtm(source="fine.tif", size_m=(100.0, 80.0), noise="keep")
+
+
 def land(x, y):
     """Hills of a kilometre, a mountain in the east, a slope [m]."""
     hills = 20.0 * np.sin(x / 700.0) * np.cos(y / 900.0)
@@ -82,8 +85,7 @@ def drop(points, half):
 @pytest.mark.parametrize("level", ["none", "plane"])
 def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hills, level):
     """The levelled plane is held for a site's length and does not lift the landscape."""
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0), level=level)
-    site, ground, horizon = made(recipe(dtm), site_in_hills)
+    site, ground, horizon = made(recipe(replace(FINE, level=level)), site_in_hills)
     random = np.random.default_rng(3)
     turn = random.uniform(0, 2 * np.pi, 300)
     away = random.uniform(80.0, 130.0 if level == "plane" else 2000.0, 300)
@@ -101,15 +103,13 @@ def test_heights_beyond_are_those_of_the_model_out_to_where_it_ends(site_in_hill
 
 @pytest.mark.parametrize("reach", [0.5, 100.0, 2000.0])
 def test_heights_are_told_no_farther_than_the_horizon_is_to_reach(site_in_hills, reach):
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
-    site = plan(recipe(dtm, HorizonSpec(reach_m=reach)), folder=site_in_hills)
+    site = plan(recipe(FINE, HorizonSpec(reach_m=reach)), folder=site_in_hills)
     assert followed_to(site) == pytest.approx(reach)
 
 
 def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):
     """In its corners too: what it hides in a mountain's foot would be 200 m."""
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
-    site, _, horizon = made(recipe(dtm), site_in_hills)
+    site, _, horizon = made(recipe(FINE), site_in_hills)
     x, y, z = horizon.mesh.vertices.T
     off = drop(horizon.mesh.vertices[:, :2], (50.0, 40.0))
     wrong = np.abs(z + off - land(x, y) + site.datum_height)
@@ -122,8 +122,7 @@ def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):
 
 
 def test_no_cliff_where_the_model_ends(site_in_hills):
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
-    _, _, horizon = made(recipe(dtm), site_in_hills)
+    _, _, horizon = made(recipe(FINE), site_in_hills)
     mesh = horizon.mesh
     a, b, c = (mesh.vertices[mesh.faces[: horizon.ground_faces, n]] for n in range(3))
     normal = np.cross(b - a, c - a)
@@ -131,9 +130,8 @@ def test_no_cliff_where_the_model_ends(site_in_hills):
 
 
 def test_a_second_model_goes_on_at_the_height_of_the_first(site_in_hills):
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
     spec = HorizonSpec(dtm="coarse.tif")
-    site, ground, horizon = made(recipe(dtm, spec), site_in_hills)
+    site, ground, horizon = made(recipe(FINE, spec), site_in_hills)
     points = np.array([[6000.0, 0.0], [6000.0, 1500.0], [-5000.0, 4000.0]])
     found = heights_beyond(ground, horizon, *points.T) + drop(points, (50.0, 40.0))
     assert found == pytest.approx(land(*points.T) - site.datum_height, abs=25.0)
@@ -150,8 +148,7 @@ def test_a_second_model_takes_over_before_the_first_ends(site_in_hills, tmp_path
         with rasterio.open(fine, "r+") as file:
             heights, places = file.read(1), np.abs(np.arange(1000) - 499.5) * 8.0
             file.write(np.where(places[:, None] + places > 4500.0, np.nan, heights), 1)
-    dtm = RasterDtm(source="fine.tif", size_m=(100.0, 80.0))
-    site, _, horizon = made(recipe(dtm, HorizonSpec(dtm="coarse.tif")), tmp_path)
+    site, _, horizon = made(recipe(FINE, HorizonSpec(dtm="coarse.tif")), tmp_path)
     x, y, z = horizon.mesh.vertices.T
     wrong = z + drop(horizon.mesh.vertices[:, :2], (50.0, 40.0)) - land(x, y) + site.datum_height
     here = (np.maximum(np.abs(x), np.abs(y)) > 60.0) & (np.hypot(x, y) < 8000.0)

@@ -13,7 +13,8 @@ TEXT = """
 name: six
 seed: 7
 body: mars
-dtm: {{source: {root}/dtm_samples/gale_floor_synthetic.tif, size_m: [50, 40], level: plane}}
+dtm: {{source: {root}/dtm_samples/gale_floor_synthetic.tif, size_m: [50, 40],
+  level: plane, noise: keep}}
 terrain:
   spacing_m: 0.25
   layers:

@@ -50,6 +50,13 @@ RECIPE: dict[str, Any] = {
 }
 
 
+_SAMPLE = {
+    "source": str(ROOT / "dtm_samples" / "gale_floor_synthetic.tif"),
+    "size_m": [8.0, 8.0],
+    "noise": "keep",
+}
+
+
 def recipe(folder: Path, change: Callable[[dict[str, Any]], object] | None = None) -> Path:
     plain = json.loads(json.dumps(RECIPE))
     if change:
@@ -311,8 +318,7 @@ def test_worlds_that_differ_in_what_a_scene_has_once_are_refused(tmp_path: Path)
 
 def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
     def anywhere(plain: dict[str, Any]) -> None:
-        source = ROOT / "dtm_samples" / "gale_floor_synthetic.tif"
-        plain["dtm"] = {"source": str(source), "size_m": [8.0, 8.0]}
+        plain["dtm"] = _SAMPLE
         plain["worlds"] = {"vary": {"dtm.centre": "anywhere"}}
 
     file = tf.load_recipe(recipe(tmp_path, anywhere))
@@ -565,9 +571,6 @@ def test_ends_that_no_world_can_have_are_refused_before_the_first(
             wrong()
         assert told.value.key == ("worlds", "vary", *vary)
     assert not (tmp_path / "out").exists()
-
-
-_SAMPLE = {"source": str(ROOT / "dtm_samples" / "gale_floor_synthetic.tif"), "size_m": [8.0, 8.0]}
 
 
 @pytest.mark.parametrize(
