@@ -214,7 +214,7 @@ def test_counts_of_a_las_beyond_its_file_are_refused(tmp_path, monkeypatch, at):
     cloud.x = cloud.y = cloud.z = np.arange(5.0)
     cloud.write(tmp_path / "a.las")
     assert read_map(tmp_path / "a.las").position[:, 1] == pytest.approx(np.arange(5.0))
-    monkeypatch.setattr("terrain_forge.evaluation.map_files.PATIENCE", (2.0, 1e6))
+    monkeypatch.setattr("terrain_forge.evaluation.map_files.PATIENCE", (1.0, 1e6))
     content = bytearray((tmp_path / "a.las").read_bytes())
     content[at : at + 4] = b"\xff" * 4
     (tmp_path / "a.las").write_bytes(content)

@@ -35,7 +35,7 @@ def world(tmp_path_factory) -> tf.World:
 
 
 def test_it_has_a_frame_for_each_moment_of_day(world, tmp_path):
-    out, wish = tmp_path / "light", Wish(azimuths=8, step="2h")
+    out, wish = tmp_path / "light", Wish(azimuths=8, step="3h")
     lines = illuminate(world.site, None, out, wish, world=world)
     assert "day.webp, what the preview's eye sees" in lines
     moments = json.loads((out / "illumination.json").read_text())["moments"]

@@ -96,7 +96,7 @@ def pole(tmp_path_factory) -> tuple[tf.RecipeFile, np.ndarray]:
     ) as file:  # fmt: skip
         file.write(heights, 1)
     (folder / "pole.yaml").write_text(
-        "name: pole\nbody: moon\ndtm: {source: pole.tif, size_m: [320, 240]}\n"
+        "name: pole\nbody: moon\ndtm: {source: pole.tif, size_m: [320, 240], noise: keep}\n"
         "terrain: {spacing_m: 4}\nsun: {elevation_deg: 2}\n"
     )
     return tf.load_recipe(folder / "pole.yaml"), heights

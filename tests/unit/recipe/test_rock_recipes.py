@@ -320,7 +320,7 @@ def even(cover, low, high, **more):
 
 @cache
 def library():
-    return find_library(LibrarySpec(shapes=12))
+    return find_library(LibrarySpec(shapes=6))
 
 
 @pytest.mark.parametrize(
@@ -351,7 +351,7 @@ def test_packing_knows_the_shapes_at_hand():
     """Ventifacts have larger footprints than the default shapes: fewer of them fit."""
     dense = (even(0.22, 0.5, 1.0),)
     check_packing(dense, SIZE, library)
-    ventifacts = find_library(LibrarySpec(shapes=6, families=("ventifact",)))
+    ventifacts = find_library(LibrarySpec(shapes=3, families=("ventifact",)))
     with pytest.raises(RecipeError, match="packed"):
         check_packing(dense, SIZE, lambda: ventifacts)
 

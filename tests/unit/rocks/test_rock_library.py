@@ -210,7 +210,7 @@ def test_mujoco_takes_the_hull_as_it_is_and_the_rock_stays(rock):
 
 
 def test_fewer_hull_vertices_when_asked(library):
-    few = make_library(replace(SPEC, shapes=4, hull_vertices=16)).prototypes
+    few = make_library(replace(SPEC, shapes=2, hull_vertices=16)).prototypes
     for rock, full in zip(few, library.prototypes, strict=False):
         assert len(rock.hulls[0].vertices) <= 16
         assert rock.meshes == full.meshes
@@ -234,7 +234,7 @@ def test_a_plan_cuts_up_no_shape_but_the_users(monkeypatch):
 
     monkeypatch.setattr("coacd.run_coacd", never)
     dense = PopulationSpec(name="a", size_frequency=Golombek(k=0.3), diameter_m=(0.3, 1.0))
-    few = replace(tight, shapes=3, families=("breccia",))
+    few = replace(tight, shapes=1, families=("breccia",))
     rocks = RocksSpec(library=few, populations=(dense,))
     dtm, terrain = FlatDtm(size_m=(20.0, 20.0)), TerrainSpec(spacing_m=0.5)
     recipe = Recipe(name="tight", body="mars", dtm=dtm, terrain=terrain, rocks=rocks)
@@ -326,8 +326,8 @@ def test_reach_and_rise_are_the_outlines(rock):
 
 
 def test_a_smaller_library_is_the_start_of_a_larger_one(library):
-    small = make_library(replace(SPEC, shapes=3))
-    assert small.prototypes == library.prototypes[:3]
+    small = make_library(replace(SPEC, shapes=2))
+    assert small.prototypes == library.prototypes[:2]
     assert np.array_equal(small.texture, library.texture)
     assert len({rock.meshes[0].vertices.tobytes() for rock in library.prototypes}) == SPEC.shapes
     other = make_library(replace(SPEC, seed=8, shapes=1))

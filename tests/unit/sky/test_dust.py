@@ -155,7 +155,7 @@ def test_slopes_that_face_the_sun_get_more_of_the_sky(tau, sine):
     """By a sum over the sky, aureole aside; the lean is right to first order of a slope."""
     sun = np.array([np.sqrt(1.0 - sine * sine), 0.0, sine])
     day = daylight(dust(tau), sine, _GROUND)
-    up, turn = (np.arange(1200) + 0.5) / 1200, 2 * np.pi * (np.arange(2400) + 0.5) / 2400
+    up, turn = (np.arange(400) + 0.5) / 400, 2 * np.pi * (np.arange(800) + 0.5) / 800
     flat = np.sqrt(1.0 - up * up)[:, None]
     towards = np.stack(
         np.broadcast_arrays(flat * np.cos(turn), flat * np.sin(turn), up[:, None]), axis=-1

@@ -322,9 +322,9 @@ def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
         plain["worlds"] = {"vary": {"dtm.centre": "anywhere"}}
 
     file = tf.load_recipe(recipe(tmp_path, anywhere))
-    drawn = [draw(file.recipe, n, folder=tmp_path) for n in range(5)]
+    drawn = [draw(file.recipe, n, folder=tmp_path) for n in range(3)]
     places = {one.site.lonlat for one in drawn}
-    assert len(places) == 5
+    assert len(places) == 3
     by_slope = replace(file.recipe, worlds=tf.WorldsSpec(difficulty=tf.DifficultySpec()))
     rms = []
     for level in (0.0, 0.5, 1.0):
@@ -489,7 +489,7 @@ def test_a_world_of_which_files_are_gone_is_named(made: Path, tmp_path: Path) ->
         with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not .*{name}"):
             worlds(recipe(tmp_path), out)
     shutil.rmtree(out / name_of(1))
-    assert worlds(recipe(tmp_path), out).made == 1
+    assert worlds(recipe(tmp_path), out, workers=0).made == 1
     assert contents(out) == contents(made)
 
 
