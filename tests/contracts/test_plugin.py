@@ -22,6 +22,7 @@ RECIPE = """
 schema: 1
 name: plugged
 body: moon
+horizon: {reach_m: 0}
 dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.25, layers: [{kind: fractal}, {kind: terraces, width_m: 2, rise_m: 0.5}]}
 rocks: {library: {shapes: 1}, populations: []}

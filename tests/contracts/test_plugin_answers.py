@@ -162,6 +162,7 @@ RECIPE = """
 schema: 1
 name: odd
 body: moon
+horizon: {reach_m: 0}
 dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.25, layers: [LAYERS]}
 rocks: {library: {shapes: 1}, populations: [ROCKS]}

@@ -17,6 +17,7 @@ RECIPE = """
 schema: 1
 name: plugged
 body: moon
+horizon: {reach_m: 0}
 dtm: {kind: flat, size_m: [6, 4]}
 terrain: {spacing_m: 0.1}
 rocks: {library: {shapes: 1}}

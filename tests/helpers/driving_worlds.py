@@ -17,6 +17,7 @@ def recipe() -> tf.Recipe:
         seed=5,
         body="mars",
         dtm=FlatDtm(size_m=(10.0, 8.0)),
+        horizon=tf.HorizonSpec(reach_m=0),
         terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
         rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=(rocks,)),
         rover="skid4",

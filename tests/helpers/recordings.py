@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,7 @@ LEFT = transform([0.3, 0.06, 0.5], Rotation.from_euler("y", 35, True).as_matrix(
 RIGHT = LEFT @ transform([BASELINE, 0, 0], np.eye(3))
 
 
+@cache
 def base_pose(time: float) -> np.ndarray:
     """base_link in the world: a circle, on an even ground, with a little roll."""
     angle = TURN * time
@@ -68,6 +70,7 @@ def base_pose(time: float) -> np.ndarray:
     return transform(place, turn.as_matrix())
 
 
+@cache
 def rocking_pose(time: float) -> np.ndarray:
     """A link that rocks about a joint, in base_link; at rest the two are one frame."""
     turn = Rotation.from_euler("y", 0.2 * math.sin(2 * time)).as_matrix()
@@ -202,13 +205,13 @@ def _sweep(folder: Path, begin: float, carrier, snapshot=False) -> None:
     points = []
     for column in range(90):
         time = np.float32(0.0 if snapshot else column / 90 * 0.1)
-        azimuth = -2 * math.pi * column / 90
+        azimuth, pose = -2 * math.pi * column / 90, carrier(begin + float(time)) @ LIDAR
         for ring, elevation in enumerate(np.radians([-25.0, -18.0, -11.0, 5.0])):
             level = math.cos(elevation)
             ray = np.array(
                 [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)]
             )
-            reach = on_plane(carrier(begin + float(time)) @ LIDAR, ray)
+            reach = on_plane(pose, ray)
             if np.isfinite(reach):
                 points.append((*(ray * reach), 10.0 + ring, ring, time, 7 if column < 3 else -1))
     points.append((*ON_ROVER, 10.0, 0, time, -4))

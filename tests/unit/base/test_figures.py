@@ -33,14 +33,13 @@ def test_a_file_is_the_same_in_every_style(tmp_path: Path) -> None:
 
 
 def test_nor_does_it_depend_on_a_matplotlibrc(tmp_path: Path) -> None:
-    styled, plain = tmp_path / "styled", tmp_path / "plain"
+    styled = tmp_path / "styled"
     styled.write_text("\n".join(f"{name}: {value}" for name, value in STYLE.items()))
-    plain.touch()
-    for style in (styled, plain):
-        code = f"from {write_figure.__module__} import write_figure; from pathlib import Path; "
-        code += f"write_figure({NOTHING!r}, Path('{style.name}.png'))"
-        own = {**os.environ, "MATPLOTLIBRC": str(style)}
-        subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=own, check=True)
+    code = f"from {write_figure.__module__} import write_figure; from pathlib import Path; "
+    code += f"import matplotlib; draw = lambda name: write_figure({NOTHING!r}, Path(name)); "
+    code += "draw('styled.png'); matplotlib.rcdefaults(); draw('plain.png')"
+    own = {**os.environ, "MATPLOTLIBRC": str(styled)}
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=own, check=True)
     assert (tmp_path / "styled.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
 
 

@@ -59,6 +59,7 @@ schema: 1
 name: mini
 body: moon
 dtm: {kind: flat, size_m: [3, 2]}
+horizon: {reach_m: 0}
 terrain: {spacing_m: 0.25}
 rocks: {library: {shapes: 1}, populations: []}
 exports: [sdf, geotiff]

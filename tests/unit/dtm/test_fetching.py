@@ -28,7 +28,7 @@ DTM = hirise(GALE.product, lonlat=GALE.lonlat_deg)
 RECIPE = """schema: 1
 name: gale
 body: mars
-dtm: {place: gale, size_m: [24, 16]}
+dtm: {place: gale, size_m: [24, 16], noise: keep}
 terrain: {spacing_m: 0.5}
 exports: []
 """

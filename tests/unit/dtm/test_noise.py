@@ -169,18 +169,26 @@ def test_noise_in_a_part_of_a_dtm_is_warned_of(columns):
     assert f"at least {site.dtm.doubtful:.0%} of the DTM seems to have noise of" in told
 
 
-@pytest.mark.parametrize("step", [0.0, 1.0])
-def test_clean_ground_has_noise_in_no_part(step):
+@pytest.mark.parametrize(
+    ("step", "seeds"),
+    [
+        (0.0, 12),
+        (1.0, 12),
+        pytest.param(0.0, 24, marks=pytest.mark.slow),
+        pytest.param(1.0, 24, marks=pytest.mark.slow),
+    ],
+)
+def test_clean_ground_has_noise_in_no_part(step, seeds):
     """Rounded or not: squares that overlap have noise by chance together."""
     found = []
-    for seed in range(24):
+    for seed in range(seeds):
         hurst = (0.5, 0.7, 0.9)[seed % 3]
         heights = self_affine(192, hurst=hurst, deviation=0.8, seed=seed)
         heights = np.round(heights / step) * step if step else heights
         whole = find_noise(heights, 1.0, everywhere(heights), step=step)
         if whole.floor is None and not whole.doubt:  # it is looked for only then
             found.append(find_noisy_part(heights, 1.0, everywhere(heights), step=step)[1])
-    assert len(found) > 3
+    assert len(found) > 1
     assert np.count_nonzero(found) <= 1
 
 
@@ -357,8 +365,8 @@ def dunes(count=256):
 @pytest.mark.parametrize(
     "heights",
     [
-        clean(factor=1), clean(), clean(factor=4), clean("moon_mare_synthetic.tif", 2), dunes(),
-        gaussian_filter(clean(), 1.0), np.zeros((128, 128)),
+        clean(factor=1)[:256, :256], clean(), clean(factor=4), clean("moon_mare_synthetic.tif", 2),
+        dunes(), gaussian_filter(clean(), 1.0), np.zeros((128, 128)),
     ],
     ids=["gale", "gale/2", "gale/4", "mare/2", "dunes", "smoothed", "flat"],
 )  # fmt: skip

@@ -40,7 +40,7 @@ CENTRES = [Centre(offset_m=(100.0, -50.0)), Centre(crs=(5400.0, -272700.0))]
 def test_a_remote_raster_is_read_by_window_and_kept(web, tmp_path, centre, monkeypatch):
     path = cog(tmp_path / "big.tif", compress="deflate")
     url = web.put("/data/big.tif", path.read_bytes())
-    wish = RasterDtm(url=url, size_m=(60.0, 40.0), centre=centre)
+    wish = RasterDtm(url=url, size_m=(60.0, 40.0), noise="keep", centre=centre)
     here = at_hand(wish, body=MARS)
     remote = survey(here, body=MARS, folder=tmp_path, heights=None)
     local = survey(
@@ -66,7 +66,7 @@ def test_a_remote_raster_is_read_by_window_and_kept(web, tmp_path, centre, monke
 def test_parts_of_one_address_are_parts_of_one_file(web, tmp_path):
     """Told by the server's tag, or where it has none by the part's own hash."""
     path = cog(tmp_path / "big.tif")
-    wish = RasterDtm(url=web.put("/big.tif", path.read_bytes()), size_m=(60.0, 40.0))
+    wish = RasterDtm(url=web.put("/big.tif", path.read_bytes()), size_m=(60.0, 40.0), noise="keep")
     other = replace(wish, size_m=(60.0, 44.0))
     part = Path(at_hand(wish, body=MARS).source)
     with rasterio.open(path, "r+") as file:
@@ -97,7 +97,10 @@ def test_a_window_across_the_seam_of_a_whole_body(web, tmp_path):
     )  # fmt: skip
     centre = Centre(lonlat_deg=(179.9, 10.0))
     wish = RasterDtm(
-        url=web.put("/globe.tif", path.read_bytes()), size_m=(60e3, 60e3), centre=centre
+        url=web.put("/globe.tif", path.read_bytes()),
+        size_m=(60e3, 60e3),
+        centre=centre,
+        noise="keep",
     )
     remote = survey(at_hand(wish, body=MARS), body=MARS, folder=tmp_path, heights=None)
     local = survey(
@@ -121,14 +124,14 @@ def test_a_window_across_the_seam_of_a_whole_body(web, tmp_path):
 def test_remote_rasters_that_cannot_serve(web, tmp_path, file, message):
     url = web.put("/bad.tif", file)
     with pytest.raises(DataError, match=message):
-        at_hand(RasterDtm(url=url, size_m=(60.0, 40.0)), body=MARS)
+        at_hand(RasterDtm(url=url, size_m=(60.0, 40.0), noise="keep"), body=MARS)
     assert not list((tmp_path / "cache").rglob("*.tif"))
 
 
 def test_a_remote_raster_that_breaks_changes_or_is_too_large(web, tmp_path, monkeypatch):
     data = cog(tmp_path / "big.tif").read_bytes()
     cut = web.put("/cut.tif", data[: len(data) // 3])
-    wish = RasterDtm(url=cut, size_m=(60.0, 40.0))
+    wish = RasterDtm(url=cut, size_m=(60.0, 40.0), noise="keep")
     with pytest.raises(DataError, match="broke off while it was read"):
         at_hand(wish, body=MARS)
     monkeypatch.setattr("terrain_forge.dtm.window.MOST", 1000)
@@ -141,7 +144,7 @@ def test_a_remote_raster_that_breaks_changes_or_is_too_large(web, tmp_path, monk
 
 def test_a_remote_raster_that_changes_while_it_is_read(web, tmp_path):
     data = cog(tmp_path / "big.tif").read_bytes()
-    wish = RasterDtm(url=web.put("/calm.tif", data), size_m=(60.0, 40.0))
+    wish = RasterDtm(url=web.put("/calm.tif", data), size_m=(60.0, 40.0), noise="keep")
     at_hand(wish, body=MARS)
     file = File(data=data, lasts=len(web.asked) - 1, then=File(data=data, tag='"two"'))
     with pytest.raises(DataError, match="changed while it was read"):
@@ -154,7 +157,7 @@ def test_a_remote_raster_that_changes_while_it_is_read(web, tmp_path):
 def test_a_server_that_hangs_while_a_part_is_read(web, tmp_path, monkeypatch, requests):
     monkeypatch.setattr("terrain_forge.dtm.window.TIMEOUT", (0.2, 0.2))
     file = File(data=cog(tmp_path / "a.tif").read_bytes(), lasts=requests, then=File(hangs=True))
-    wish = RasterDtm(url=web.put("/hangs.tif", file), size_m=(60.0, 40.0))
+    wish = RasterDtm(url=web.put("/hangs.tif", file), size_m=(60.0, 40.0), noise="keep")
     with pytest.raises(DataError, match=r"cannot be read by window|broke off while it was read"):
         at_hand(wish, body=MARS)
     assert not list((tmp_path / "cache").rglob("*.tif"))
@@ -165,7 +168,7 @@ def test_large_products_are_read_by_window_or_from_the_whole_file(web, tmp_path,
     url = web.put("/mosaic.tif", path.read_bytes())
     product = replace(table()["MOLA_463m"], url=url, shape=(1500, 1200))
     monkeypatch.setitem(table(), product.name, product)
-    wish = RasterDtm(product="MOLA_463m", size_m=(60.0, 40.0))
+    wish = RasterDtm(product="MOLA_463m", size_m=(60.0, 40.0), noise="keep")
     first = at_hand(wish, body=MARS)
     data = (tmp_path / "cache" / "dtm" / first.name).read_bytes()
     (tmp_path / "cache" / "dtm" / first.name).unlink()

@@ -195,6 +195,7 @@ RECIPE = {
     "seed": 4,
     "body": "mars",
     "dtm": {"kind": "flat", "size_m": [20, 16]},
+    "horizon": {"reach_m": 0},
     "terrain": {"spacing_m": 0.125, "layers": [{"kind": "fractal"}]},
     "rocks": {
         "library": {"shapes": 4, "seed": 3},

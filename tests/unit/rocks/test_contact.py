@@ -153,6 +153,7 @@ def recipe(contact, **populations):
         seed=4,
         body="mars",
         dtm=tf.FlatDtm(size_m=(16, 12)),
+        horizon=tf.HorizonSpec(reach_m=0),
         terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
         rocks=tf.RocksSpec(
             library=tf.LibrarySpec(shapes=2),

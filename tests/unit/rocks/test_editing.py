@@ -34,6 +34,7 @@ RECIPE = Recipe(
     seed=3,
     body="mars",
     dtm=FlatDtm(size_m=SIZE),
+    horizon=tf.HorizonSpec(reach_m=0),
     terrain=TerrainSpec(spacing_m=0.125, layers=(Fractal(),)),
     rocks=RocksSpec(library=LibrarySpec(shapes=3), populations=(PEBBLES,)),
 )

@@ -25,7 +25,7 @@ def world():
 
 ROCKY = {
     "name": "rocky", "body": "mars", "dtm": {"kind": "flat", "size_m": [24, 20]},
-    "terrain": {"spacing_m": 0.25},
+    "terrain": {"spacing_m": 0.25}, "horizon": {"reach_m": 0},
     "rocks": {
         "library": {"shapes": 4},
         "populations": [

@@ -125,6 +125,8 @@ def recipe(body, tau):
         name="dusty",
         body=body,
         dtm=tf.FlatDtm(size_m=(4.0, 4.0)),
+        horizon=tf.HorizonSpec(reach_m=0),
+        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1)),
         terrain=tf.TerrainSpec(spacing_m=0.5),
         sky=SkySpec(tau=tau),
     )

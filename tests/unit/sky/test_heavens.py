@@ -23,6 +23,8 @@ def recipe(body="moon", **sky):
         body=body,
         dtm=tf.FlatDtm(size_m=(4.0, 4.0), lonlat_deg=(10.0, -20.0)),
         terrain=tf.TerrainSpec(spacing_m=0.5),
+        horizon=tf.HorizonSpec(reach_m=0),
+        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1)),
         sun=SunSpec(time="2030-01-01", ltst="09:00"),
         sky=SkySpec(**sky),
     )

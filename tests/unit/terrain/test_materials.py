@@ -28,7 +28,8 @@ def recipe(materials, size=(24, 20), **more):
     terrain = {"spacing_m": 0.25, "layers": [{"kind": "fractal"}], "materials": materials}
     return recipe_from_json(json.dumps(
         {"name": "soils", "body": "mars", "dtm": {"kind": "flat", "size_m": size},
-         "terrain": terrain, **more}
+         "terrain": terrain, "rocks": {"library": {"shapes": 1}},
+         "horizon": {"reach_m": 0}, **more}
     ))  # fmt: skip
 
 

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
-import terrain_forge as tf
 from terrain_forge.base import OutputError
 from terrain_forge.tiling.beyond import site_horizon
 from terrain_forge.tiling.order import load_order
-from tests.unit.tiling.conftest import write_recipe
 from tests.unit.tiling.test_formats import usd_ground
 
 
@@ -90,11 +88,3 @@ def test_all_formats_that_show_it_have_it(built, horizon):
     told = {name: " ".join(one["losses"]) for name, one in exports.items()}
     assert all("visual-only" in told[name] for name in ("usd", "glb", "sdf"))
     assert "horizon.glb" in told["glb"]
-
-
-def test_it_may_be_left_out(tmp_path):
-    changes = {"seed: 7": "seed: 7\nhorizon: {reach_m: 0}", "k: 0.08": "k: 0.02"}
-    recipe = write_recipe(tmp_path, exports="usd", **changes)
-    tf.build(tf.load_recipe(recipe).recipe, tmp_path / "six", workers=0)
-    assert "Horizon" not in (tmp_path / "six/usd/world.usda").read_text()
-    assert not (tmp_path / "six/usd/assets/horizon.usdc").exists()

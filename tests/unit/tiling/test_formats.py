@@ -70,11 +70,17 @@ def test_usd_tiles_meet_at_any_levels(built, one, other):
 
 
 def test_a_small_tile_is_there_at_all_levels(tmp_path):
-    """At the site's end a tile may have too few cells for a level: its coarsest stands for it."""
+    """At the site's end a tile may have too few cells for a level: its coarsest stands for it.
+
+    What lies beyond the site may be left out.
+    """
     changes = {"size_m: [50, 40]": "size_m: [25.25, 5]", "k: 0.08": "k: 0.02"}
+    changes |= {"seed: 7": "seed: 7\nhorizon: {reach_m: 0}"}
     recipe = write_recipe(tmp_path, exports="usd", **changes)
     tf.build(tf.load_recipe(recipe).recipe, tmp_path / "two", workers=0)
     assert not (tmp_path / "two/tiles/000/001/usd/ground_sixteenth.usdc").exists()
+    assert not (tmp_path / "two/usd/assets/horizon.usdc").exists()
+    assert "Horizon" not in (tmp_path / "two/usd/world.usda").read_text()
     for column, cells in ((0, 80), (1, 21)):
         finest, *_, coarsest = (
             len(usd_ground(tmp_path / "two", 0, column, level)[0]) for level in LEVELS

@@ -29,6 +29,7 @@ RECIPE: dict[str, Any] = {
     "seed": 3,
     "body": "mars",
     "dtm": {"kind": "flat", "size_m": [8.0, 8.0]},
+    "horizon": {"reach_m": 0},
     "terrain": {"spacing_m": 0.1, "layers": [{"kind": "fractal"}]},
     "rocks": {
         "library": {"shapes": 2},
