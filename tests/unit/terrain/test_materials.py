@@ -72,7 +72,8 @@ def test_the_soil_of_a_named_regolith_is_as_pebbly_as_its_material():
                 recipe_from_json(json.dumps(
                     {"name": "soils", "body": "mars", "dtm": {"kind": "flat", "size_m": [8, 8]},
                      "terrain": {"spacing_m": 0.5, "materials": SOILS,
-                                 "appearance": {"regolith": soil}}}
+                                 "appearance": {"regolith": soil}},
+                     "rocks": {"library": {"shapes": 1}}, "horizon": {"reach_m": 0}}
                 ))
             )
         ).appearance.materials
