@@ -2,12 +2,14 @@ import gc
 import os
 import signal
 import sys
+from dataclasses import replace
 from functools import partial
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads wait busily
 
 import pytest
 
+from terrain_forge.rocks import find_library
 from tests.helpers import pictures, worlds
 from tests.helpers.gazebo import compile_program
 
@@ -21,6 +23,16 @@ def small_world():
 def build(tmp_path_factory):
     """Compiles one of the small programs of tests/consumers, or skips the test."""
     return partial(compile_program, tmp_path_factory.mktemp("consumers"))
+
+
+@pytest.fixture
+def few_shapes(monkeypatch):
+    """Plans judge by two shapes how rocks are packed: a recipe's own take 0.1 s each."""
+
+    def found(spec, **more):
+        return find_library(replace(spec, shapes=2), **more)
+
+    monkeypatch.setattr("terrain_forge.making.planning.find_library", found)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -16,7 +16,6 @@ from terrain_forge import (
     save_recipe,
 )
 from terrain_forge.recipe import export_orders, recipe_from_json, recipe_json
-from terrain_forge.rocks import find_library
 from tests.helpers.places import ROOT
 
 HELLO = (ROOT / "recipes" / "hello.yaml").read_text(encoding="utf-8")
@@ -62,9 +61,8 @@ def line_of(path, text):
     ],
     ids=lambda p: p.stem,
 )
-def test_shipped_recipes_are_sound(recipe, monkeypatch):
-    few = lambda spec, **more: find_library(replace(spec, shapes=2), **more)  # noqa: E731
-    monkeypatch.setattr("terrain_forge.making.planning.find_library", few)
+@pytest.mark.usefixtures("few_shapes")
+def test_shipped_recipes_are_sound(recipe):
     file = load_recipe(recipe)
     site = plan(file.recipe, folder=file.folder)
     # Laws and craters that rocks lie around are written out; planned again, nothing changes.

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import textwrap
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ import pytest
 
 from terrain_forge import model
 from terrain_forge.base import OutputError, RecipeError, StorageError
-from terrain_forge.rocks import find_library
 from terrain_forge.studies import (
     costs_of,
     effect_rows,
@@ -286,10 +284,9 @@ def test_the_list_tells_worlds_and_costs(written):
     assert re.search("8 worlds, [0-9]+ min of recording, 8 runs of systems beside", done.stdout)
 
 
+@pytest.mark.usefixtures("few_shapes")
 @pytest.mark.parametrize("name", ["loam_on_short", "sun_and_flare", "suspension"])
 def test_studies_that_ship_are_known_by_name(name, tmp_path, monkeypatch):
-    few = lambda spec, **more: find_library(replace(spec, shapes=2), **more)  # noqa: E731
-    monkeypatch.setattr("terrain_forge.making.planning.find_library", few)
     monkeypatch.chdir(tmp_path)
     assert name in run("study", "--help").stdout
     study = study_of(read_study(name))
