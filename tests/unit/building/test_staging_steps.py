@@ -201,7 +201,7 @@ def test_what_a_user_puts_into_a_half_updated_world_stays(changed, name):
     assert (changed / name).read_text() == "precious"
 
 
-@pytest.mark.parametrize("stride", [9, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("stride", [5, pytest.param(1, marks=pytest.mark.slow)])
 def test_the_disk_is_full_at_steps(tmp_path, stride):
     target, ends = tmp_path / "out", set()
     write(target, number=0)

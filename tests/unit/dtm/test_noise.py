@@ -215,6 +215,13 @@ def test_nothing_stands_out_of_noise_alone():
     assert np.mean(out != 0.0) < 0.02
 
 
+def test_what_is_as_high_as_posts_are_apart_is_no_noise():
+    white = np.random.default_rng(1).normal(size=(96, 96))
+    floors = [find_noise(scale * white, 1.0, everywhere(white)).floor for scale in (0.5, 0.8)]
+    assert floors[0].deviation == pytest.approx(0.5, rel=0.1)
+    assert floors[1] is None
+
+
 def test_a_massif_does_not_roughen_the_plain_beside_it():
     plain = self_affine(192, hurst=0.8, deviation=0.02, seed=1)
     massif = 50.0 * self_affine(192, hurst=0.8, deviation=0.02, seed=2) * (np.arange(192) >= 96)
