@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +33,7 @@ from terrain_forge.dtm.matcher_windows import (
     gaussian,
     sinc,
 )
-from terrain_forge.dtm.periodograms import Tiles
+from terrain_forge.dtm.periodograms import Rings, Tiles, rings_of
 from terrain_forge.dtm.point_posts import are_points
 
 FEWEST_POSTS = 96
@@ -41,7 +42,7 @@ LARGEST = 0.6
 """RMS noise, in postings, beyond which relief is no matcher's error."""
 _BETAS = np.arange(30, 41) / 10.0
 _BETAS_ALONE = np.arange(24, 47) / 10.0
-_BETAS_NATURAL = np.arange(30, 47) / 10.0  # exponents from 0.5, as ground beside noise has
+_NATURAL = 6  # of these, the first as ground beside noise has: exponents from 0.5
 _BETA_PRIOR = (3.5, 0.3)  # 2H + 2 of HURST_PRIOR
 _SMOOTHED = (0.0, 0.35, 0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5)
 _BETA_LIMITS = (3.0, 3.9)  # exponents 0.5 to 0.95
@@ -158,13 +159,13 @@ def find_noise(
     tiles = Tiles.of(heights, trusted, side)
     if len(tiles.power) < 6:
         return FoundNoise()
-    number, quiet = tiles.number, tiles.quiet()
+    quiet = tiles.quiet()
     if not quiet.min() > 0.0:
         return FoundNoise()
     # Where a spectrum falls steeply, what leaks from its neighbours counts.
-    fall = -np.gradient(portable.log(quiet), portable.log(number))
+    fall = -np.gradient(portable.log(quiet), portable.log(tiles.rings.number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
-    both = [_fit_noise(tiles, quiet, error, given, of) for of in (NARROW, WINDOWS)]
+    both = [_fit_noise(side, quiet, error, given, of) for of in (NARROW, WINDOWS)]
     fits = sorted(both, key=lambda fit: fit.misfit)
     if given is not None:
         best = fits[0]
@@ -173,12 +174,13 @@ def find_noise(
             return FoundNoise()
         floor = _floor(heights, trusted, best.deviation, best.window, best.level, given=True)
         return FoundNoise(floor=floor)
-    bare, rounded = _fit_ground(number, quiet, error), _fit_rounded(number, quiet, error, step)
+    grounds = _grounds_alone(side)
+    bare, rounded = _misfit(grounds, quiet, error), _fit_rounded(grounds, quiet, error, step)
     folded = are_points(heights, trusted)
     alone = _Alone(
         any=min(bare, rounded),
-        natural=min(_fit_ground(number, quiet, error, _BETAS_NATURAL), rounded),
-        points=_fit_points(tiles, quiet, error) if folded else math.inf,
+        natural=min(_misfit(grounds[:, _NATURAL:], quiet, error), rounded),
+        points=_misfit(_grounds_of_points(side), quiet, error) if folded else math.inf,
         few=side == _SMALL,
     )
     found = FoundNoise()
@@ -207,35 +209,34 @@ def _ground(number: Array, beta: ArrayLike, smoothed: float = 0.0) -> Array:
     return shape
 
 
-def _fit_ground(number: Array, density: Array, error: Array, betas: Array = _BETAS_ALONE) -> float:
-    """χ² of ground alone, of some exponents, smoothed or not."""
-    grounds = np.stack([_ground(number, betas, smoothed) for smoothed in _SMOOTHED])
-    return _misfit(grounds, density, error)
+@cache
+def _grounds_alone(side: int) -> Array:
+    """Spectra of ground alone, smoothed or not, of some exponents, shape [..., ..., rings]."""
+    number = rings_of(side).number
+    return np.stack([_ground(number, _BETAS_ALONE, smoothed) for smoothed in _SMOOTHED])
 
 
-def _fit_rounded(number: Array, density: Array, error: Array, step: float) -> float:
+@cache
+def _grounds_of_points(side: int) -> Array:
+    """Spectra of ground whose posts are heights of points, folded or without what folds."""
+    rings = rings_of(side)
+    folds = np.arange(-_FOLDS, _FOLDS + 1)
+    across, down = rings.across[:, None, None], rings.down[:, None, None]
+    squares = (across + folds[:, None]) ** 2 + (down + folds) ** 2
+    logs, number = portable.log(squares), portable.log(rings.number)
+    found = []
+    for beta in _BETAS[::2]:
+        found.append(_quietest(rings.binned(portable.exp(-0.5 * beta * logs).sum(axis=(1, 2)))))
+        found.append(portable.exp(-beta * number))
+    return np.array(found)
+
+
+def _fit_rounded(grounds: Array, density: Array, error: Array, step: float) -> float:
     """χ² of ground alone whose heights are rounded to steps, white noise of a known level [m]."""
     if not step > 0.0:
         return math.inf
     white, level = np.ones_like(density), step**2 / 12.0
-    fits = (
-        _fit_levels(_ground(number, _BETAS_ALONE, smoothed), white, density, error, level)[0].min()
-        for smoothed in _SMOOTHED
-    )
-    return float(min(fits))
-
-
-def _fit_points(tiles: Tiles, density: Array, error: Array) -> float:
-    """χ² of ground alone whose posts are heights of points, folded or without what folds."""
-    across, down = tiles.waves[:2]
-    folds = np.arange(-_FOLDS, _FOLDS + 1)
-    squares = (across[:, None, None] + folds[:, None]) ** 2 + (down[:, None, None] + folds) ** 2
-    logs, number = portable.log(squares), portable.log(tiles.number)
-    found = []
-    for beta in _BETAS[::2]:
-        found.append(_quietest(tiles.binned(portable.exp(-0.5 * beta * logs).sum(axis=(1, 2)))))
-        found.append(portable.exp(-beta * number))
-    return _misfit(np.array(found), density, error)
+    return float(_fit_levels(grounds, white, density, error, level)[0].min())
 
 
 def _quietest(density: Array) -> Array:
@@ -252,35 +253,56 @@ def _misfit(grounds: Array, density: Array, error: Array) -> float:
 
 
 def _fit_noise(
-    tiles: Tiles,
+    side: int,
     density: Array,
     error: Array,
     given: float | None,
     windows: tuple[Window, ...],
 ) -> _Fit:
     """The best of some windows."""
-    best = _Fit(window=windows[0], level=0.0, misfit=math.inf)
     unlikely = ((np.asarray(_BETAS) - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
-    for window in windows:
-        noise = _quietest(tiles.binned(window.spectrum(*tiles.waves[:2])))
-        fixed = None if given is None else given**2 / window.white
-        for smoothed in (0.0, window.smoothing):
-            grounds = _ground(tiles.number, _BETAS, smoothed)
-            misfits, levels = _fit_levels(grounds, noise, density, error, fixed)
-            misfits = misfits + unlikely
-            least = int(np.argmin(misfits))
-            if misfits[least] < best.misfit:
-                level, misfit = float(levels[least]), float(misfits[least])
-                best = _Fit(window=window, level=level, misfit=misfit)
-    return best
+    grounds, noise = _after_windows(windows, side)
+    fixed = None if given is None else given**2 / np.array([[[one.white]] for one in windows])
+    misfits, levels = _fit_levels(grounds, noise, density, error, fixed)
+    misfits = misfits + unlikely
+    least = np.unravel_index(np.argmin(misfits), misfits.shape)
+    return _Fit(window=windows[least[0]], level=float(levels[least]), misfit=float(misfits[least]))
+
+
+@cache
+def _after_windows(windows: tuple[Window, ...], side: int) -> tuple[Array, Array]:
+    """Spectra of ground, as it is and smoothed by each window, and of the noise after it.
+
+    Shapes [windows, 2, exponents, rings] and [windows, 1, 1, rings].
+    """
+    rings = rings_of(side)
+    grounds = [
+        [_ground(rings.number, _BETAS, smoothed) for smoothed in (0.0, window.smoothing)]
+        for window in windows
+    ]
+    noise = [_quietest(_noise(rings, window)) for window in windows]
+    return np.array(grounds), np.array(noise)[:, None, None]
+
+
+def _noise(rings: Rings, window: Window) -> Array:
+    """Spectrum of noise after a window, 1 at long waves, shape [rings, sectors]."""
+    return rings.binned(window.spectrum(rings.across, rings.down))
 
 
 def _fit_levels(
-    grounds: Array, noise: Array, density: Array, error: Array, fixed: float | None
+    grounds: Array, noise: Array, density: Array, error: Array, fixed: ArrayLike | None
 ) -> tuple[Array, Array]:
-    """χ² of the best sum of each ground and noise, and the noise's level in it."""
+    """χ² of the best sum of each ground and its noise, and the noise's level in it.
+
+    Args:
+        grounds: spectra, shape [..., rings].
+        noise: those of the noise beside each, of a shape that fits.
+        density: the spectrum that is looked at, shape [rings].
+        error: its relative error, shape [rings].
+        fixed: the noise's level where it is known.
+    """
     model, tiny = density, 1e-6 * density
-    level = np.zeros(len(grounds))
+    level = np.zeros(grounds.shape[:-1])
     for _ in range(6):
         weight = 1.0 / (model * error) ** 2
         gg, gn, nn, gd, nd = (
@@ -293,9 +315,9 @@ def _fit_levels(
         if fixed is None:
             level = np.maximum((nd * gg - gd * gn) / np.maximum(gg * nn - gn * gn, 1e-300), 0.0)
         else:
-            level = np.full(len(grounds), fixed)
+            level = np.broadcast_to(np.asarray(fixed, np.float64), level.shape)
         share = np.maximum((gd - level * gn) / gg, 0.0)
-        model = np.maximum(share[:, None] * grounds + level[:, None] * noise, tiny)
+        model = np.maximum(share[..., None] * grounds + level[..., None] * noise, tiny)
     return np.sum((portable.log(density / model) / error) ** 2, axis=-1), level
 
 
@@ -327,9 +349,9 @@ def _floor(
     tiles = Tiles.of(heights, trusted, side)
     if not len(tiles.power):
         return None
-    number, density = tiles.number, tiles.mean()
+    number, density = tiles.rings.number, tiles.mean()
     if given:
-        shape = _rings(tiles, window)
+        shape = _all_ways(tiles.rings, window)
     else:
         window, level, shape = _in_all(tiles, density, window, level)
         deviation = math.sqrt(level * window.white)
@@ -362,10 +384,10 @@ def _floor(
     )
 
 
-def _rings(tiles: Tiles, window: Window) -> Array:
-    """Spectrum of a window's noise in the rings of tiles, 1 at long waves."""
-    parts = tiles.binned(window.spectrum(*tiles.waves[:2])) * tiles.count
-    return np.asarray(parts.sum(axis=1) / tiles.count.sum(axis=1))
+def _all_ways(rings: Rings, window: Window) -> Array:
+    """Spectrum of noise after a window in all directions, 1 at long waves, shape [rings]."""
+    parts = _noise(rings, window) * rings.count
+    return np.asarray(parts.sum(axis=1) / rings.count.sum(axis=1))
 
 
 def _in_all(
@@ -375,11 +397,11 @@ def _in_all(
 
     Its larger tiles tell windows apart that small ones mix up; noise may be higher elsewhere.
     """
-    grounds, errors = _ground(tiles.number, _BETAS), tiles.error()
+    grounds, errors = _ground(tiles.rings.number, _BETAS), tiles.error()
     unlikely = ((_BETAS - _BETA_PRIOR[0]) / _BETA_PRIOR[1]) ** 2
     fits: dict[Window, tuple[float, float, Array]] = {}
     for one in NARROW if window in NARROW else WINDOWS:
-        shape = _rings(tiles, one)
+        shape = _all_ways(tiles.rings, one)
         misfits, levels = _fit_levels(grounds, shape, density, errors, None)
         least = int(np.argmin(misfits + unlikely))
         fits[one] = float((misfits + unlikely)[least]), float(levels[least]), shape
