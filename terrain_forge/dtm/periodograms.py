@@ -46,10 +46,11 @@ class Rings:
         total = np.bincount(self.index, self.weight * density, self.count.size)
         return np.asarray(total.reshape(self.count.shape) / self.count)
 
-    def power(self, heights: Array) -> Array:
-        """Density [m² post²] of a square of heights [m] in each ring and sector."""
-        waves = np.fft.rfft2(_levelled(heights) * self.taper)
-        return self.binned((waves.real**2 + waves.imag**2)[self.inside] / self.side**2)
+    def power(self, squares: Array) -> Array:
+        """Density [m² post²] in each ring and sector of squares of heights [m]."""
+        waves = np.fft.rfft2(_levelled(squares) * self.taper)
+        densities = (waves.real**2 + waves.imag**2)[:, self.inside] / self.side**2
+        return np.array([self.binned(density) for density in densities])
 
 
 @cache
@@ -99,9 +100,12 @@ class Tiles:
     def of(cls, heights: Array, trusted: Mask, side: int) -> Tiles:
         """Those of a DTM's tiles of so many posts a side, of trusted posts for the most part."""
         rings = rings_of(side)
-        parts = (np.s_[i : i + side, j : j + side] for i, j in _corners(heights.shape, side))
-        power = [rings.power(heights[part]) for part in parts if trusted[part].mean() >= 0.9]
-        return cls(rings=rings, power=np.array(power).reshape(-1, *rings.count.shape))
+        power = [np.empty((0, *rings.count.shape))]
+        for row, columns in _corners(heights.shape, side):
+            parts = [np.s_[row : row + side, column : column + side] for column in columns]
+            if known := [part for part in parts if trusted[part].mean() >= 0.9]:
+                power.append(rings.power(np.stack([heights[part] for part in known])))
+        return cls(rings=rings, power=np.concatenate(power))
 
     def quiet(self) -> Array:
         """Density of the quietest quarter of the tiles in the two quietest sectors.
@@ -127,19 +131,19 @@ class Tiles:
         return np.asarray(np.sqrt(1.0 / waves + _MISFIT**2))
 
 
-def _corners(shape: tuple[int, ...], side: int) -> list[tuple[int, int]]:
-    """First rows and columns of squares that overlap by half, or lie evenly over a large DTM."""
+def _corners(shape: tuple[int, ...], side: int) -> list[tuple[int, list[int]]]:
+    """First rows of squares that overlap by half, or lie evenly over a large DTM, and columns."""
     starts = []
     for length in shape:
         count = min(-(-2 * (length - side) // side) + 1, _MOST_TILES)
         starts.append(np.linspace(0, length - side, count).astype(int).tolist())
-    return [(row, column) for row in starts[0] for column in starts[1]]
+    return [(row, starts[1]) for row in starts[0]]
 
 
-def _levelled(part: Array) -> Array:
-    """Heights without their best plane."""
-    y = np.linspace(-1.0, 1.0, part.shape[0])[:, None]
-    x = np.linspace(-1.0, 1.0, part.shape[1])[None, :]
-    part = part - part.mean()
-    result: Array = part - np.mean(part * x) / np.mean(x**2) * x
-    return result - np.mean(part * y) / np.mean(y**2) * y
+def _levelled(squares: Array) -> Array:
+    """Heights of squares without the best plane of each."""
+    across = np.linspace(-1.0, 1.0, squares.shape[2])
+    for x in (np.ones_like(across)[None, :], across[None, :], across[:, None]):
+        slope = np.sum(squares * x, axis=(1, 2)) / (squares[0].size * np.mean(x**2))
+        squares = squares - slope[:, None, None] * x
+    return squares
