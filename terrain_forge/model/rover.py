@@ -121,7 +121,10 @@ class Coupling(Record):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rover(Record):
-    """A wheeled rover. base_link: x forward, y left, z up, origin on the ground amid the wheels."""
+    """A wheeled rover.
+
+    base_link: x forward, y left, z up, origin on the ground amid the driven wheels.
+    """
 
     name: str
     """Name, as the recipe writes it."""
@@ -130,7 +133,7 @@ class Rover(Record):
     wheels: tuple[Wheel, ...]
     """Driven wheels."""
     sensors: tuple[Sensor, ...]
-    """The sensor rig."""
+    """The sensor rig, each in the frame of a link of these."""
     torque_limit: float
     """Largest torque of a wheel's motor [N m]."""
     speed_limit: float
@@ -150,6 +153,10 @@ class Rover(Record):
     """Those of them that steer wheels."""
     notes: tuple[str, ...] = ()
     """What was taken otherwise than the rover's own file says, a sentence each."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "sensors", tuple(sensor.seated for sensor in self.sensors))
 
     @property
     def mass(self) -> float:

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
-from annotated_types import Interval, MinLen
+from annotated_types import Interval
 
 from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, hint_at, parts
 
@@ -94,6 +94,8 @@ class Sensor(Record, Spec):
     not answer is told as a loss.
     """
 
+    ROOT: ClassVar[str] = "base_link"
+    """What every rover calls its root link."""
     title: ClassVar[str]
     """What the kind is called in a sentence."""
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
@@ -111,12 +113,13 @@ class Sensor(Record, Spec):
     """The kind's name; a kind overrides it by a `Literal` and its default."""
     name: FileName
     """Unique name."""
-    link: Annotated[str, MinLen(1)] = "base_link"
-    """Link of the rover that carries it."""
+    link: str = ""
+    """Link that it sits on, in the frame that the rover's file gives; without one it sits on the
+    body, in the rover's own frame, whose origin is on the ground amid the driven wheels."""
     position_m: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    """Where it sits in the link's frame [m]."""
+    """Where it sits in that frame [m]."""
     rpy_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """Roll, pitch, yaw in the link's frame [degrees]; a camera looks along its x axis."""
+    """Roll, pitch, yaw in that frame [degrees]; a camera looks along its x axis."""
     preset: str = ""
     """A set of figures with a name, for what is not given here."""
     rate_hz: Annotated[float, Interval(ge=0.01, le=10_000)]
@@ -162,6 +165,11 @@ class Sensor(Record, Spec):
     def rpy(self) -> Array:
         """Roll, pitch, yaw in the link's frame [rad], shape [3]."""
         return np.radians(self.rpy_deg)
+
+    @property
+    def seated(self) -> Self:
+        """Itself on a link of the rover: without one it sits on the root."""
+        return self if self.link else self.replace(link=self.ROOT)
 
     @property
     def figures(self) -> dict[str, Any]:

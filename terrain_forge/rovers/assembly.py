@@ -68,6 +68,8 @@ class Body:
     """About the centre of mass, in its axes [kg m²], shape [3, 3]."""
     solids: tuple[Solid, ...] = ()
     """Geometry."""
+    told: Array = field(default_factory=lambda: np.eye(4))
+    """The frame that the file gives it, in its frame, shape [4, 4]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

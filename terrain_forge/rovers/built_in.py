@@ -29,11 +29,12 @@ from terrain_forge.base import (
     plugins,
 )
 from terrain_forge.model import Grousers, Rover, Sensor, Shape, Wheel, sensor_kinds
-from terrain_forge.rovers.custom import FileRover, RoverSpec
+from terrain_forge.rovers.custom import FileRover, FoundRover, RoverSpec
 from terrain_forge.rovers.expressions import Scope, Value, evaluate
 from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.packages import Packages
-from terrain_forge.rovers.rolling import make_rover
+from terrain_forge.rovers.rig import carried
+from terrain_forge.rovers.rolling import link_frames, make_rover
 from terrain_forge.rovers.substitution import Substitution
 from terrain_forge.rovers.urdf import read_urdf
 
@@ -204,7 +205,7 @@ def _describe(file: Path) -> Description:
 
 
 @lru_cache(maxsize=16)
-def build_rover(choice: BuiltInRover) -> Rover:
+def build_rover(choice: BuiltInRover) -> FoundRover:
     """The rover of these options.
 
     Raises:
@@ -228,15 +229,20 @@ def build_rover(choice: BuiltInRover) -> Rover:
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
         reading |= filled(told.reading)
-        rover = make_rover(assembly, _adapter(FileRover).validate_python(reading))
+        spec = _adapter(FileRover).validate_python(reading)
+        rover = make_rover(assembly, spec)
+        links = {link.name for link in rover.links}  # what is fixed to them is no name of ours
+        frames = {n: pose for n, pose in link_frames(assembly, spec).items() if n in links}
         sensors = tuple(_sensor(filled(sensor)) for sensor in told.sensors)
-        lost = {sensor.link for sensor in sensors} - {link.name for link in rover.links}
+        lost = {sensor.link for sensor in sensors} - {"", *links}
         if lost:
             raise ValueError(f"a sensor sits on {lost.pop()!r}, which is no link of the rover")
     except (ValidationError, ValueError, TypeError, LookupError) as error:
         raise DataError(f"{file.stem}.yaml: {' '.join(str(error).split())}", key=_KEY) from None
+    sensors = tuple(carried(sensor, frames) for sensor in sensors)
     rover = rover.replace(name=file.stem, sensors=sensors)
-    return _add_grousers(rover, choice.grousers) if choice.grousers else rover
+    rover = _add_grousers(rover, choice.grousers) if choice.grousers else rover
+    return FoundRover(rover=rover, frames=frames)
 
 
 def _require_fit(told: Description, names: Mapping[str, Value]) -> None:

@@ -22,7 +22,7 @@ from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.macros import expand_trusted, expand_xacro
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rig import with_sensors
-from terrain_forge.rovers.rolling import held_frames, make_rover
+from terrain_forge.rovers.rolling import link_frames, make_rover
 from terrain_forge.rovers.urdf import read_urdf
 
 if TYPE_CHECKING:
@@ -68,6 +68,10 @@ def find_rover(name: str, **options: Any) -> Rover:
         RecipeError: if there is none, which suggests the nearest name and lists all, or it has not
             what shall differ.
     """
+    return _find(name, options).rover
+
+
+def _find(name: str, options: dict[str, Any]) -> FoundRover:
     known = built_in_rovers()
     if name in known:
         adapter = _adapter(known[name])
@@ -97,9 +101,9 @@ def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
         DataError: for a file that is missing, cannot be read, or is not of a wheeled rover.
     """
     if isinstance(choice, str):
-        found = FoundRover(rover=find_rover(choice))
+        found = _find(choice, {})
     elif isinstance(choice, BuiltInRover):
-        found = FoundRover(rover=build_rover(choice))
+        found = build_rover(choice)
     else:
         found = _read_rover(choice, folder)
     step = found.rover.step_limit
@@ -116,8 +120,10 @@ def resolve_rover(choice: RoverChoice, folder: Path) -> FoundRover:
 def rover_of(site: Site) -> Rover:
     """The rover of a planned site."""
     recipe = site.recipe
-    own = site.custom_rover or resolve_rover(recipe.rover, Path()).rover
-    return own if site.custom_rover else with_sensors(own, recipe.sensors)
+    if site.custom_rover:
+        return site.custom_rover
+    found = resolve_rover(recipe.rover, Path())
+    return with_sensors(found.rover, recipe.sensors, frames=found.frames)
 
 
 def require_ground(rover: Rover, *, spacing: float) -> None:
@@ -148,7 +154,7 @@ def _read_rover(spec: FileRover, folder: Path) -> FoundRover:
         return FoundRover(
             rover=make_rover(assembly, spec),
             files=tuple(dict.fromkeys(files)),
-            frames=held_frames(assembly, spec),
+            frames=link_frames(assembly, spec),
         )
 
 

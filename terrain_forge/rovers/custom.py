@@ -26,7 +26,7 @@ class FoundRover:
     files: tuple[Path, ...] = ()
     """All files that were read: the rover's own, those it includes, its meshes."""
     frames: Mapping[str, Frame] = field(default_factory=dict)
-    """Links of the file that became parts of others, by name."""
+    """Where the frames of the file's links are, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)

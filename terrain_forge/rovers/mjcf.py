@@ -147,6 +147,7 @@ class _Reader:
             mass=float(model.body_mass[body]),
             centre_of_mass=told.ipos - at,
             inertia=inertia,
+            told=placed(-at, np.eye(3)),
             solids=tuple(solid for geom in geoms for solid in self._solids(geom, at)),
         )
         return [*made[:-1], whole]

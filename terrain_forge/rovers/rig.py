@@ -10,6 +10,7 @@ import numpy as np
 
 from terrain_forge.base import (
     BY_KIND,
+    Array,
     RecipeError,
     Spec,
     hint_at,
@@ -49,8 +50,8 @@ def with_sensors(
 ) -> Rover:
     """A rover that carries what a recipe says.
 
-    A sensor may sit on one of `frames`, links of the rover's file that became parts of others: it
-    is moved to the one that carries it.
+    A sensor that names a link sits in the frame that the rover's file gives it, one of `frames`: it
+    is told in that of the rover's link that carries it.
 
     Raises:
         RecipeError: if two sensors have one name, one has that of a link or frame, or sits on a
@@ -62,10 +63,10 @@ def with_sensors(
     added: tuple[Sensor, ...] = choice.add if isinstance(choice, MoreSensors) else choice
     own, key = (rover.sensors, ("sensors", "add")) if more else ((), ("sensors",))
     frames = frames or {}
-    links = [*(link.name for link in rover.links), *frames]
+    links = list(dict.fromkeys([*(link.name for link in rover.links), *frames]))
     named: dict[str, int] = {}
     for number, sensor in enumerate(added):
-        if sensor.link not in links:
+        if sensor.link and sensor.link not in links:
             hint = hint_at(sensor.link, links)
             raise RecipeError(
                 f"{sensor.link!r} is no link of the rover {rover.name}{hint}, there are: "
@@ -82,7 +83,7 @@ def with_sensors(
                     f"{part!r} is the name of a link or frame, choose another for the sensor's",
                     key=(*key, number, "name"),
                 )
-    added = tuple(_carried(sensor, frames) for sensor in added)
+    added = tuple(carried(sensor, frames) for sensor in added)
     kept = [sensor for sensor in own if sensor.name not in {one.name for one in added}]
     sensors = (*kept, *added)
     names = [part.name for part in simple_sensors(sensors)]
@@ -92,14 +93,21 @@ def with_sensors(
     return rover.replace(sensors=sensors)
 
 
-def _carried(sensor: Sensor, frames: Mapping[str, Frame]) -> Sensor:
-    """A sensor on the link that carries the frame it sits on."""
+def carried(sensor: Sensor, frames: Mapping[str, Frame]) -> Sensor:
+    """A sensor in the frame of the rover's link that carries the one that it names."""
     if sensor.link not in frames:
         return sensor
     link, pose = frames[sensor.link]
+    return told_in(sensor, link, pose)
+
+
+def told_in(sensor: Sensor, link: str, pose: Array) -> Sensor:
+    """A sensor in the frame of a link, in which that of its own has a pose, shape [4, 4]."""
+    if np.array_equal(pose, np.eye(4)):
+        return sensor.replace(link=link)
     turn = matrix_from_quaternion(quaternion_from_rpy(sensor.rpy))
     place = portable.product(pose, placed(sensor.position, turn))
-    rpy = np.degrees(rpy_from_matrix(place[:3, :3]))
-    return sensor.replace(
-        link=link, position_m=tuple(place[:3, 3].tolist()), rpy_deg=tuple(rpy.tolist())
-    )
+    rpy = sensor.rpy_deg
+    if not np.array_equal(pose[:3, :3], np.eye(3)):
+        rpy = tuple(np.degrees(rpy_from_matrix(place[:3, :3])).tolist())
+    return sensor.replace(link=link, position_m=tuple(place[:3, 3].tolist()), rpy_deg=rpy)

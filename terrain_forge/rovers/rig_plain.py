@@ -8,8 +8,12 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from terrain_forge.base import portable
+from terrain_forge.model import Sensor
+from terrain_forge.rovers.assembly import placed
 from terrain_forge.rovers.catalogue import RoverChoice, resolve_rover
-from terrain_forge.rovers.rig import AnySensor
+from terrain_forge.rovers.custom import FoundRover
+from terrain_forge.rovers.rig import AnySensor, told_in
 
 
 def rig_of(choice: RoverChoice, folder: Path) -> list[dict[str, Any]]:
@@ -23,11 +27,24 @@ def rig_of(choice: RoverChoice, folder: Path) -> list[dict[str, Any]]:
         RecipeError: if there is no such rover.
     """
     adapter: TypeAdapter[Any] = TypeAdapter(AnySensor)
+    rover = resolve_rover(choice, folder)
     found = []
-    for sensor in resolve_rover(choice, folder).rover.sensors:
-        told = json.loads(adapter.dump_json(sensor))
+    for sensor in rover.rover.sensors:
+        told = json.loads(adapter.dump_json(_as_told(sensor, rover)))
         named = {key: told[key] for key in ("kind", "name", "preset") if told[key]}
         plain = json.loads(adapter.dump_json(adapter.validate_json(json.dumps(named))))
         differing = {key: value for key, value in told.items() if plain[key] != value}
         found.append({**named, **differing})
     return found
+
+
+def _as_told(sensor: Sensor, found: FoundRover) -> Sensor:
+    """A sensor in the frame that a recipe means by its link; without one, the rover's own."""
+    if sensor.link == Sensor.ROOT:
+        return sensor.replace(link="")
+    if sensor.link not in found.frames:
+        return sensor
+    _, pose = found.frames[sensor.link]
+    turn = pose[:3, :3].T
+    back = placed(-portable.product(turn, pose[:3, 3]), turn)
+    return told_in(sensor, sensor.link, back)

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, portable, rpy_from_matrix
-from terrain_forge.model import Coupling, Link, Rover, Wheel
+from terrain_forge.base import Array, DataError, portable
+from terrain_forge.model import Coupling, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
 from terrain_forge.rovers.belly import measure_belly
-from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.custom import FileRover, Frame
+from terrain_forge.rovers.links import called, make_links
 from terrain_forge.rovers.tread import Tread, measure_tread
 
 _UPRIGHT = 0.7
@@ -23,10 +23,8 @@ _ACROSS = 0.95
 _TURNS = 4 * math.pi
 """Range of a limited joint that may be a wheel's all the same [rad]."""
 _EARTH = 9.81
-_ROUNDING = 1e-12
-"""What rounding may leave of an inertia about the origin that is taken away again."""
-_THINNEST = 1e-9
-"""Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
+_ALIKE = 1e-4
+"""Distance up to which frames are one [m]."""
 _HEADINGS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, -1.0), "-y": (0.0, 1.0)}
 """Cosine and sine of the turn that brings an axis forward."""
 
@@ -35,7 +33,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     """The rover that an assembly is.
 
     Bodies that nothing moves become one link with what they are fixed to. The frame of base_link is
-    x forward, y left, z up, its origin on the ground amid the wheels.
+    x forward, y left, z up, its origin on the ground amid the driven wheels.
 
     Raises:
         DataError: if wheels are not found or do not roll forward, something that moves has no
@@ -45,7 +43,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     wheels, free_wheels = machine.find_wheels()
     passive = machine.find_passive(wheels, free_wheels)
     bodies, treads = machine.stand(wheels)
-    links, notes = _make_links(bodies, wheels, passive, treads)
+    links, notes = make_links(bodies, wheels, passive, treads)
     held = machine.held(wheels | passive)
     steering = machine.steering(wheels | free_wheels)
     if held:
@@ -56,6 +54,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
             "Axes turned about, so that a positive rate rolls forward, which the file's own "
             f"controllers must be told: {', '.join(turned)}."
         )
+    if said := machine.base_said(bodies):
+        notes.append(said)
     clearance = measure_belly(
         machine.rigid(bodies, wheels | passive),
         radius=min(tread.radius for tread in treads.values()),
@@ -82,10 +82,8 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     )
 
 
-def held_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
-    """The file's links that are no links of the rover, by name: which carries each, and where.
-
-    The place is in the frame of that link, shape [4, 4].
+def link_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
+    """The file's links by name: which link of the rover carries each, and its frame there.
 
     Raises:
         DataError: as `make_rover`.
@@ -100,9 +98,9 @@ def held_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
     for body in bodies:
         own = body.name if body.name in moving else carrier.get(body.parent, "")
         carrier[body.name] = own
-        if body.name not in moving and body.name != "base_link":
-            pose = portable.product(placed(-origins[own], np.eye(3)), body.placement)
-            frames[body.name] = (_called(own), pose)
+        shift = placed(-origins[own], np.eye(3))
+        pose = portable.product(portable.product(shift, body.placement), body.told)
+        frames[body.name] = (called(own), pose)
     return frames
 
 
@@ -132,11 +130,27 @@ class _Machine:
                 f"{self.file} has no link {name!r}, it has: {', '.join(self.bodies)}",
                 key=("rover", "base"),
             )
-        pose = self.poses[name or assembly.bodies[0].name]
+        self.base_name = name or assembly.bodies[0].name
+        pose = self.poses[self.base_name]
         cosine, sine = _HEADINGS[spec.forward]
         turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         self.base = portable.product(turn, pose[:3, :3].T)
         """Rotation from the file's root axes to those of base_link, shape [3, 3]."""
+
+    def base_said(self, bodies: list[Body]) -> str:
+        """Where base_link is in the file's frame of its base; nothing where they are one."""
+        pose = next(b.placement for b in bodies if b.name == self.base_name)
+        told = self.bodies[self.base_name].told
+        there = -portable.product(pose[:3, :3].T, pose[:3, 3]) - told[:3, 3]
+        turned = "" if self.spec.forward == "x" else f" and its x axis along {self.spec.forward}"
+        if not turned and portable.norm(there) < _ALIKE:
+            return ""
+        place = ", ".join(f"{round(float(value), 4) + 0.0:g}" for value in there)
+        return (
+            f"base_link is the file's link {self.base_name!r} with its origin moved to ({place}) m "
+            f"there, on the ground amid the driven wheels{turned}; a sensor with `link: "
+            f"{self.base_name}` stays in the file's frame."
+        )
 
     def axis(self, name: str) -> Array:
         """Axis of a body's joint in base_link's axes."""
@@ -285,100 +299,3 @@ class _Machine:
         radius = max(tread.radius for tread in treads.values())
         slope = math.sin(math.radians(self.spec.tilt_limit_deg))
         return 2 * mass * _EARTH * slope * radius / len(wheels)
-
-
-def _steiner(arm: Array) -> Array:
-    matrix: Array = portable.product(arm, arm) * np.eye(3) - np.outer(arm, arm)
-    return matrix
-
-
-def _make_links(
-    bodies: list[Body], wheels: set[str], passive: set[str], treads: dict[str, Tread]
-) -> tuple[list[Link], list[str]]:
-    """Links, parents before children, and what is said about them."""
-    moving = wheels | passive
-    group: dict[str, str] = {}
-    for body in bodies:
-        group[body.name] = body.name if body.name in moving else group.get(body.parent, "")
-    places = {"": np.zeros(3), **{b.name: b.placement[:3, 3] for b in bodies}}
-    links, notes = list[Link](), list[str]()
-    for name in ("", *(b.name for b in bodies if b.name in moving)):
-        members = [body for body in bodies if group[body.name] == name]
-        link, said = _make_link(name, members, places[name], wheels, treads)
-        if name:
-            parent = group[members[0].parent]
-            link = link.replace(parent=_called(parent), origin=places[name] - places[parent])
-        links.append(link)
-        notes += said
-    return links, notes
-
-
-def _called(name: str) -> str:
-    """How the rover calls a link: its root is base_link, whatever the file says."""
-    return {"": "base_link", "base_link": "base_link_moving"}.get(name, name)
-
-
-def _make_link(
-    name: str, members: list[Body], origin: Array, wheels: set[str], treads: dict[str, Tread]
-) -> tuple[Link, list[str]]:
-    """A link of bodies that do not move against each other."""
-    mass, moment, about = 0.0, np.zeros(3), np.zeros((3, 3))  # in base_link's frame
-    for body in members:
-        rotation = body.placement[:3, :3]
-        at = portable.product(rotation, body.centre_of_mass) + body.placement[:3, 3]
-        mass += body.mass
-        moment = moment + body.mass * at
-        turned = portable.product(portable.product(rotation, body.inertia), rotation.T)
-        about = about + turned + body.mass * _steiner(at)
-    if not mass > 0:
-        where = f"link {name!r} moves but" if name else "the body of the rover"
-        raise FileError(f"{where} has no mass, must be above 0 kg")
-    centre = moment / mass
-    inertia, said = _possible(about - mass * _steiner(centre), about, name)
-    joint, passive = members[0].joint, bool(name) and name not in wheels
-    axis = np.array([1.0, 0.0, 0.0])
-    if name:
-        axis = portable.product(members[0].placement[:3, :3], joint.axis)
-    # A wheel that rolls forward turns about +y, to whichever side its axis pointed.
-    forward = -1.0 if name in wheels and axis[1] < 0 else 1.0
-    shapes = []
-    for body in members:
-        for place, shape in body.solids:
-            pose = portable.product(body.placement, place)
-            rpy = rpy_from_matrix(pose[:3, :3])
-            shapes.append(shape.replace(position=pose[:3, 3] - origin, rpy=rpy))
-    if name in treads:
-        shapes = treads[name].dress(shapes, origin)
-    link = Link(
-        name=_called(name),
-        parent="",
-        joint="passive" if passive else "motor" if name else "free",
-        origin=np.zeros(3),
-        axis=forward * np.round(axis, 12) + 0.0,
-        limits=joint.limits if passive else None,
-        damping=joint.damping if name else 0.0,
-        friction=joint.friction if name else 0.0,
-        rate_limit=joint.rate if passive else None,
-        mass=mass,
-        centre_of_mass=centre - origin,
-        inertia=inertia,
-        shapes=tuple(shapes),
-    )
-    return link, said
-
-
-def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, list[str]]:
-    """The inertia, or its mean about all axes where no body could have it.
-
-    It is what is left of that about the frame's origin, which leaves rounding errors of that size.
-    """
-    inertia = (inertia + inertia.T) / 2
-    small, middle, large = portable.eigh(inertia)[0]
-    rounding = _ROUNDING * float(np.trace(about_origin))
-    if small > max(rounding, _THINNEST * large) and large <= (small + middle) * (1 + 1e-6):
-        return inertia, []
-    mean = float(np.trace(inertia)) / 3
-    if not mean > rounding:
-        raise FileError(f"link {name or 'base_link'!r} has no inertia, must be above 0")
-    called = _called(name)
-    return mean * np.eye(3), [f"No body has the inertia of {called}: its mean was taken."]

@@ -83,7 +83,7 @@ class Instrument:
     """What its folders are called in a recording; a number is added: `cam` makes `cam0`."""
 
     def __init__(self, sensor: Sensor, setting: Setting) -> None:
-        self.sensor, self.setting = sensor, setting
+        self.sensor, self.setting = sensor.seated, setting
 
     @cached_property
     def times(self) -> NDArray[np.int64]:

@@ -48,10 +48,11 @@ class Odometry(Series):
         Raises:
             RecipeError: naming the sensor.
         """
-        if self.sensor.position.any() or self.sensor.rpy.any():
+        moved = self.sensor.position.any() or self.sensor.rpy.any()
+        if self.sensor.link != self.sensor.ROOT or moved:
             raise RecipeError(
-                f"{self.sensor.name!r}: odometry tells where base_link is: leave out position_m "
-                "and rpy_deg",
+                f"{self.sensor.name!r}: odometry tells where base_link is: leave out link, "
+                "position_m and rpy_deg",
                 key=("sensors",),
             )
         sides = {side > 0.0 for side in self.setting.world.rover.wheel_centres.reshape(-1, 3)[:, 1]}

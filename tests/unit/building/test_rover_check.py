@@ -69,7 +69,8 @@ def test_sensors_of_its_file_are_said_not_to_be_read(tub, tmp_path):
     lines = check(recipe(rover=mine), folder=tmp_path)
     notes = [line.split(maxsplit=1)[1] for line in lines if line.startswith("  note")]
     assert notes[0].startswith("Axes turned about")
-    assert notes[1].endswith("the recipe's `sensors` add some: 2 camera, 1 imu, 1 other, 1 ray.")
+    assert notes[1].startswith("base_link is the file's link 'base_link'")
+    assert notes[2].endswith("the recipe's `sensors` add some: 2 camera, 1 imu, 1 other, 1 ray.")
 
 
 def test_sensors_of_an_mjcf_are_said_not_to_be_read(tmp_path):
@@ -86,7 +87,7 @@ def test_sensors_of_an_mjcf_are_said_not_to_be_read(tmp_path):
         "<jointpos joint='wheel0.20.25'/></sensor></mujoco>"
     )
     lines = check(recipe(rover=FileRover(file="rover.xml")), folder=tmp_path)
-    (note,) = (line for line in lines if line.startswith("  note"))
+    _, note = (line for line in lines if line.startswith("  note"))
     assert note.endswith("the recipe's `sensors` add some: 1 camera, 1 gyro, 1 touch.")
 
 

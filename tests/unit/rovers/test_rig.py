@@ -285,3 +285,89 @@ def test_a_sensor_sits_on_a_link_that_the_rover_holds_as_on_any(tmp_path):
             rover, TypeAdapter(SensorsChoice).validate_python([told[0] | {"link": "knuckle"}]),
             frames=found.frames,
         )  # fmt: skip
+
+
+def carrying(file, told, **choices):
+    """The rover of a file with sensors."""
+    found = resolve_rover(FileRover(file=file.name, **choices), file.parent)
+    choice = TypeAdapter(SensorsChoice).validate_python(told)
+    return with_sensors(found.rover, choice, frames=found.frames)
+
+
+@pytest.mark.parametrize("base", [None, "arm"])
+def test_a_link_of_a_sensor_is_that_of_the_file(tmp_path, base):
+    """Sites of an MJCF and sensors that are told alike stand alike, also where joints turn."""
+    places = {"base_link": (0.1, 0.2, 0.5), "arm": (0.3, 0, 0.1), "left_rear": (0, 0.1, 0.05)}
+    sites, text = {}, rovers.buggy_mjcf(tmp_path).read_text().replace('"chassis"', '"base_link"')
+    for link, place in places.items():
+        at = " ".join(map(str, place))
+        sites[link] = f'<site name="on_{link}" pos="{at}" euler="10 20 30"/>'
+    for link, site in sites.items():
+        start = text.index(">", text.index(f'body name="{link}"')) + 1
+        text = text[:start] + site + text[start:]
+    text = text.replace('name="arm" pos', 'name="arm" euler="0 20 0" pos')
+    file = tmp_path / "sited.xml"
+    file.write_text(text.replace('angle="degree"', 'angle="degree" eulerseq="XYZ"'))
+    told = [
+        {"name": f"on_{link}", "kind": "imu", "link": link, "position_m": place,
+         "rpy_deg": (10, 20, 30)} for link, place in places.items()
+    ]  # fmt: skip
+    rover = carrying(file, [*told, {"name": "own", "kind": "imu", "position_m": (0.1, 0, 0.4)}],
+                     wheels=("lf", "lr", "rf", "rr"), base=base)  # fmt: skip
+    assert rover.sensors[-1].position_m == (0.1, 0, 0.4)
+    assert {sensor.link for sensor in rover.sensors} == set(places)
+    source, ours = (
+        mujoco.MjModel.from_xml_path(str(file)), rovers.on_the_flat(rover, tmp_path / "o")
+    )  # fmt: skip
+    seen = [between_sites(model, list(places)) for model in (source, ours)]
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    assert "base_link" in next(note for note in rover.notes if "origin moved" in note)
+
+
+def between_sites(model, links):
+    """Poses of sites and places of a wheel, each as the first site sees it, at the joints' 0."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    one = data.site(f"on_{links[0]}")
+    turn = one.xmat.reshape(3, 3)
+    found = []
+    for link in links:
+        site = data.site(f"on_{link}")
+        found.append(turn.T @ np.column_stack([site.xpos - one.xpos, site.xmat.reshape(3, 3)]))
+    found.append(turn.T @ np.tile((data.body("right_rear").xpos - one.xpos)[:, None], 4))
+    return np.array(found)
+
+
+def test_a_rig_of_a_packages_rover_is_told_as_a_recipe_reads_it(tmp_path, monkeypatch):
+    """Its base_link is 0.45 m above the ground; what its YAML file says without a link is not."""
+    from terrain_forge.rovers import built_in, rig_of
+
+    text = rovers.rocker_urdf(tmp_path).read_text().replace("package://tub/meshes/", "")
+    (tmp_path / "wheel.stl").write_bytes((tmp_path / "tub" / "meshes" / "wheel.stl").read_bytes())
+    (tmp_path / "crate.urdf").write_text(text)
+    (tmp_path / "crate.yaml").write_text(
+        "sensors:\n"
+        "  - {name: free, kind: imu, position_m: [0, 0, 0.2]}\n"
+        "  - {name: body, kind: imu, link: base_link, position_m: [0, 0, 0.2]}\n"
+        "  - {name: arm, kind: imu, link: left_rocker, position_m: [0, 0, 0.2]}\n"
+    )
+    monkeypatch.setattr(built_in, "_OURS", tmp_path)
+    built_in.built_in_rovers.cache_clear()
+    try:
+        choice = built_in.built_in_rovers()["crate"]()
+        rover = resolve_rover(choice, tmp_path).rover
+        free, body, arm = rover.sensors
+        told = rig_of(choice, tmp_path)
+    finally:
+        built_in.built_in_rovers.cache_clear()
+    assert (free.link, body.link, arm.link) == ("base_link", "base_link", "left_rocker")
+    assert free.position_m == (0, 0, 0.2)
+    wheel = next(w for w in rover.wheels if w.link == "left_front_wheel")
+    away = body.position - wheel.centre  # the rocker leans by 0.1 rad
+    leant = (0.4 * np.cos(0.1) - 0.2 * np.sin(0.1), -0.4 * np.sin(0.1) - 0.2 * np.cos(0.1))
+    np.testing.assert_allclose(away[[0, 2]], (-leant[0], 0.2 - leant[1]), atol=1e-9)
+    np.testing.assert_allclose(arm.rpy_deg, (0, np.degrees(0.1), 0), atol=1e-9)
+    assert [sensor.get("link") for sensor in told] == [None, None, "left_rocker"]
+    np.testing.assert_allclose(told[1]["position_m"], body.position, atol=1e-12)
+    np.testing.assert_allclose(told[2]["position_m"], (0, 0, 0.2), atol=1e-12)
+    np.testing.assert_allclose(told[2].get("rpy_deg", (0, 0, 0)), 0, atol=1e-12)

@@ -67,10 +67,12 @@ def test_a_urdf_becomes_a_rover_on_the_ground(tub):
         assert wheel.radius == pytest.approx(rovers.RADIUS, rel=1e-6)
         assert wheel.width == pytest.approx(rovers.WIDTH, rel=1e-6)
     assert rover.torque_limit == 12.0
-    held, turned = rover.notes
+    held, turned, moved = rover.notes
     assert held == "Held at rest: pan, left_steer_wheel_joint, right_steer_wheel_joint."
     assert turned.startswith("Axes turned about, so that a positive rate rolls forward")
     assert turned.endswith(": right_front_wheel_joint, right_rear_wheel_joint.")
+    where = f"({round(amid, 4):g}, 0, {round(-0.2 * math.cos(0.1) - drop / 2 - low, 4):g}) m there"
+    assert f"base_link is the file's link 'base_link' with its origin moved to {where}" in moved
 
 
 def test_wheels_turn_forward_about_plus_y_and_roll_on_cylinders(tub):
