@@ -60,7 +60,7 @@ def list_losses(world: World, options: Options) -> tuple[str, ...]:
         *_map_losses(world, options),
         *_contact_losses(world, options),
         texture_loss(world.ground, options.texture_pixels, normals=False),
-        *world.rover.notes,
+        *world.rover.losses,
         "The Sun is a light without size or irradiance in physical units.",
         *rig_losses(world.rover),
     )

@@ -48,7 +48,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
 
 
 def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
-    losses = list(rover.notes)
+    losses = list(rover.losses)
     if "urdf" in options.formats or "sdf" in options.formats:
         losses.append("Only MJCF has the inertia of the wheels' gear trains (armature).")
     if rover.couplings and "usd" in options.formats:

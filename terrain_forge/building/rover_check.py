@@ -24,6 +24,7 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
     )
     for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
         yield f"  {'note':<12} {note}"
+    yield from (f"{_WARNING} {text}" for text in rover.unread)
     if max(rover.wheel_radii) > LARGEST_RADIUS:
         yield (
             f"{_WARNING} wheels of {_radii(rover)} m: are the lengths of the rover's file in "

@@ -153,10 +153,17 @@ class Rover(Record):
     """Those of them that steer wheels."""
     notes: tuple[str, ...] = ()
     """What was taken otherwise than the rover's own file says, a sentence each."""
+    unread: tuple[str, ...] = ()
+    """What of that file changes how the rover moves and is left out, a sentence each."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "sensors", tuple(sensor.seated for sensor in self.sensors))
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """What any export differs in from the rover's own file, a sentence each."""
+        return (*self.notes, *self.unread)
 
     @property
     def mass(self) -> float:

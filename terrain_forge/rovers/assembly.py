@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,6 +73,17 @@ class Body:
     """The frame that the file gives it, in its frame, shape [4, 4]."""
 
 
+class Unread(NamedTuple):
+    """What of a file changes how its machine moves, and is not read."""
+
+    kind: str
+    """What it is: `spring`, `tendon`, …"""
+    name: str
+    """Its name, or what it acts on."""
+    joint: str = ""
+    """The joint that it acts on, if on one alone: on one that is held it does nothing."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assembly:
     """Bodies and joints of a file."""
@@ -84,6 +96,8 @@ class Assembly:
     """Joints that follow others; by the names of joints, where a rover's are by those of links."""
     sensors: tuple[str, ...] = ()
     """The kinds of sensors that the file has, which are not read."""
+    unread: tuple[Unread, ...] = ()
+    """What else is not read and changes the motion."""
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, load_model, matrix_from_quaternion, portable
-from terrain_forge.model import Coupling
 from terrain_forge.rovers import bounds
 from terrain_forge.rovers.assembly import Assembly, Body, Joint, Solid, bare_shape, placed
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
 from terrain_forge.rovers.mjcf_files import check_mjcf
+from terrain_forge.rovers.mjcf_motion import OF_JOINTS, Ties, called
 from terrain_forge.rovers.packages import Packages
 
 _INSTRUMENTS = {
@@ -56,7 +56,7 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
     _require_sane(model, file.name)
     trees, sizes = np.unique(model.body_rootid[1:], return_counts=True)
     root = int(trees[np.argmax(sizes)])
-    reader = _Reader(model, root)
+    reader, ties = _Reader(model, root), Ties(model, root)
     return Assembly(
         name=bounds.check_name(file.stem, "robot"),
         bodies=tuple(
@@ -64,16 +64,8 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
             for body in np.flatnonzero(model.body_rootid == root).tolist()
             for made in reader.bodies(body)
         ),
-        gears=tuple(
-            Coupling(
-                link=_name(model, "joint", model.eq_obj1id[n]),
-                leader=_name(model, "joint", model.eq_obj2id[n]),
-                ratio=float(model.eq_data[n, 1]),
-                offset=float(model.eq_data[n, 0]),
-            )
-            for n in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT).tolist()
-            if model.eq_obj2id[n] >= 0
-        ),
+        gears=tuple(ties.gears),
+        unread=tuple(ties.unread),
         sensors=_sensors(model, root),
     ), files
 
@@ -111,7 +103,7 @@ class _Reader:
         self._hulls: dict[int, tuple[Array, NDArray[np.int32]]] = {}
         self._driven: dict[int, float | None] = {}
         """Joints with an actuator, and its largest torque [N m] where it is limited."""
-        for n in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT).tolist():
+        for n in np.flatnonzero(np.isin(model.actuator_trntype, OF_JOINTS)).tolist():
             most = float(np.abs(model.actuator_forcerange[n]).max())
             limited = model.actuator_forcelimited[n] and most
             self._driven[int(model.actuator_trnid[n, 0])] = most if limited else None
@@ -122,10 +114,10 @@ class _Reader:
         MuJoCo's joints may turn about any point of the body: frames are moved there.
         """
         model, told = self._model, self._model.body(body)
-        name, parent, placement = _name(model, "body", body), "", np.eye(4)
+        name, parent, placement = called(model, "body", body), "", np.eye(4)
         if body != self._root:
             above = int(model.body_parentid[body])
-            parent, turn = _name(model, "body", above), matrix_from_quaternion(np.array(told.quat))
+            parent, turn = called(model, "body", above), matrix_from_quaternion(np.array(told.quat))
             shift = placed(-self._anchor(above), np.eye(3))
             placement = portable.product(shift, placed(np.array(told.pos), turn))
         bare, made = Body(name=name, parent=parent, placement=placement), list[Body]()
@@ -134,7 +126,7 @@ class _Reader:
             anchor = np.array(model.jnt_pos[joint])
             placement = portable.product(placement, placed(anchor - at, np.eye(3)))
             at = anchor
-            own = name if joint == joints[-1] else f"{name}_{_name(model, 'joint', joint)}"
+            own = name if joint == joints[-1] else f"{name}_{called(model, 'joint', joint)}"
             bare = Body(name=own, parent=parent, placement=placement, joint=self._joint(joint))
             made.append(bare)
             parent, placement = own, np.eye(4)
@@ -167,9 +159,10 @@ class _Reader:
         limited = bool(model.jnt_limited[joint])
         turning = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE
         address = int(model.jnt_dofadr[joint])
-        low, high = model.jnt_range[joint].tolist()
+        at_rest = model.qpos0[model.jnt_qposadr[joint]]  # our angles are from the pose as written
+        low, high = (model.jnt_range[joint] - at_rest).tolist()
         return Joint(
-            name=_name(model, "joint", joint),
+            name=called(model, "joint", joint),
             kind=("revolute" if limited else "continuous") if turning else "sliding",
             axis=np.array(model.jnt_axis[joint]),
             limits=(low, high) if limited else None,
@@ -207,7 +200,7 @@ class _Reader:
             made.append(mesh_solid(*triangles, placement, collides=False, rgb=rgb))
         if collides:
             if number < 0 or number not in self._hulls:
-                self._hulls[number] = hull_of(triangles[0], _name(model, "geom", geom))
+                self._hulls[number] = hull_of(triangles[0], called(model, "geom", geom))
             made.append(mesh_solid(*self._hulls[number], placement, collides=True, rgb=rgb))
         return made
 
@@ -232,8 +225,3 @@ def _triangles(model: Any, geom: int, kind: Any) -> tuple[Array, NDArray[np.int3
     else:
         return None
     return np.array(shape.vertices, np.float64), np.array(shape.faces, np.int32)
-
-
-def _name(model: Any, kind: str, index: int) -> str:
-    """The name of a `body`, `joint` or `geom`; its number where it has none."""
-    return bounds.check_name(getattr(model, kind)(index).name or f"{kind}_{index}", kind)

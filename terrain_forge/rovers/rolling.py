@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import replace
 
@@ -25,6 +26,8 @@ _TURNS = 4 * math.pi
 _EARTH = 9.81
 _ALIKE = 1e-4
 """Distance up to which frames are one [m]."""
+_MOST_NAMES = 8
+"""How many names of a kind are told."""
 _HEADINGS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, -1.0), "-y": (0.0, 1.0)}
 """Cosine and sine of the turn that brings an axis forward."""
 
@@ -79,6 +82,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         held=tuple(held),
         steering=tuple(name for name in held if name in steering),
         notes=(*notes, *assembly.notes),
+        unread=tuple(machine.unread(wheels, passive)),
     )
 
 
@@ -104,10 +108,17 @@ def link_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
     return frames
 
 
+def _listed(names: list[str]) -> str:
+    """Names, the first of many."""
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
+
+
 class _Machine:
     """An assembly with the recipe's word about it; joints go by the names of their bodies."""
 
     def __init__(self, assembly: Assembly, spec: FileRover) -> None:
+        self.assembly = assembly
         self.bodies = {body.name: body for body in assembly.bodies}
         self.spec = spec
         self.file = spec.file
@@ -233,6 +244,22 @@ class _Machine:
     def rigid(self, bodies: list[Body], moving: set[str]) -> list[Body]:
         """Those of the bodies that do not move against the root."""
         return [b for b in bodies if not moving.intersection({b.name, *self._ancestors(b.name)})]
+
+    def unread(self, wheels: set[str], passive: set[str]) -> list[str]:
+        """A sentence on what of the file would change how the rover moves; motors are ours."""
+        moving, found = wheels | passive, defaultdict[str, list[str]](list)
+        for one in self.assembly.unread:
+            free = passive if one.kind == "armature" else moving
+            if not one.joint or self.of_joint.get(one.joint) in free:
+                found[one.kind].append(one.name)
+        for gear in self.assembly.gears:
+            pair = {self.of_joint.get(name, "") for name in (gear.link, gear.leader)}
+            if pair & moving and not pair <= passive:
+                found["gear"].append(f"{gear.link} by {gear.leader}")
+        if not found:
+            return []
+        told = "; ".join(f"{kind}: {_listed(names)}" for kind, names in found.items())
+        return [f"Of its file is left out, though it changes how the rover moves: {told}."]
 
     def couplings(self, passive: Collection[str]) -> tuple[Coupling, ...]:
         """Gears between passive joints."""

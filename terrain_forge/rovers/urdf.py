@@ -6,6 +6,7 @@ The format: https://docs.ros.org/en/rolling/Tutorials/Intermediate/URDF/URDF-Mai
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -14,13 +15,23 @@ import numpy as np
 
 from terrain_forge.base import (
     Array,
+    hint_at,
     matrix_from_quaternion,
     portable,
     quaternion_from_rpy,
 )
 from terrain_forge.model import Coupling
 from terrain_forge.rovers import bounds
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, Joint, Solid, bare_shape, placed
+from terrain_forge.rovers.assembly import (
+    TURNING,
+    Assembly,
+    Body,
+    Joint,
+    Solid,
+    Unread,
+    bare_shape,
+    placed,
+)
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import MeshFiles
 from terrain_forge.rovers.packages import Packages
@@ -31,6 +42,15 @@ _STEEPEST = 1e6
 _ENDLESS = 1e17
 """Largest angle of a limit; many files write 1e16 for none."""
 _TAGS = ("visual", "collision")
+_OF_GAZEBO = {
+    "springstiffness": "spring",
+    "turngravityoff": "gravity switched off",
+    "dampingfactor": "damping of a link",
+}
+"""Elements of a `<gazebo>` that change the motion, in small letters without `_`."""
+_OFF = ("", "0", "0.0", "false")
+_DRAKE = ("drake:linear_", "drake:ball_", "drake:tendon_", "drake:joint", "drake:mimic")
+"""How tags of Drake's begin that tie links to each other."""
 _KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 
 
@@ -63,10 +83,32 @@ def read_urdf(robot: Element, file: Path, packages: Packages) -> tuple[Assembly,
         for name in _parents_first(links, by_child, file)
     ]
     name = bounds.check_name(robot.get("name") or file.stem, "robot")
-    gears = tuple(gear for joint in joints.values() for gear in _gears(joint))
+    gears = tuple(gear for joint in joints.values() for gear in _gears(joint, joints, file))
     sensors = tuple(map(_kind, (*robot.findall("gazebo//sensor"), *robot.findall("sensor"))))
-    assembly = Assembly(name=name, bodies=tuple(bodies), gears=gears, sensors=sensors)
+    assembly = Assembly(
+        name=name,
+        bodies=tuple(bodies),
+        gears=gears,
+        sensors=sensors,
+        unread=tuple(_unread(robot)),
+    )
     return assembly, list(meshes.read)
+
+
+def _unread(robot: Element) -> list[Unread]:
+    """What simulators read beside URDF's own elements, and what changes the motion."""
+    found = []
+    for tag in robot.findall("gazebo[@reference]"):
+        name = tag.get("reference", "")
+        for element in tag.iter():
+            kind = _OF_GAZEBO.get(element.tag.lower().replace("_", ""))
+            if kind and (element.text or "").strip().lower() not in _OFF:
+                found.append(Unread(kind, name, joint=name if kind == "spring" else ""))
+    found += [Unread("joint of Gazebo's", j.get("name", "")) for j in robot.findall("gazebo/joint")]
+    for element in robot:
+        if element.tag.startswith(_DRAKE):
+            found.append(Unread(element.tag, element.get("name", "") or "one"))
+    return list(dict.fromkeys(found))
 
 
 def _kind(sensor: Element) -> str:
@@ -205,7 +247,7 @@ def _joint(element: Element | None, driven: set[str]) -> Joint:
     )
 
 
-def _gears(joint: Element) -> list[Coupling]:
+def _gears(joint: Element, joints: Collection[str], file: Path) -> list[Coupling]:
     """What a turning joint follows."""
     if joint.get("type") not in TURNING:
         return []
@@ -218,8 +260,14 @@ def _gears(joint: Element) -> list[Coupling]:
         )
         for mimic in joint.findall("mimic")
     ]
-    if any(gear.link == gear.leader for gear in gears):
-        raise FileError(f"joint {_name(joint)!r} follows itself")
+    for leader in (gear.leader for gear in gears):
+        if leader == _name(joint):
+            raise FileError(f"joint {leader!r} follows itself")
+        if leader not in joints:
+            hint = hint_at(leader, [name for name in joints if name != _name(joint)])
+            raise FileError(
+                f"{file.name}: {_name(joint)!r} follows the joint {leader!r}, there is none{hint}"
+            )
     return gears
 
 

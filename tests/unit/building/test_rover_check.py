@@ -83,10 +83,13 @@ def test_sensors_of_an_mjcf_are_said_not_to_be_read(tmp_path):
     (tmp_path / "rover.xml").write_text(
         "<mujoco><worldbody><camera name='stage'/><body><freejoint/><geom type='box' "
         "size='.3 .2 .08'/><site name='s'/><camera name='eye'/><camera mode='trackcom'/>"
-        f"{wheels}</body></worldbody><sensor><gyro site='s'/><touch site='s'/>"
+        "<body name='pan'/>"
+        f"{wheels}</body></worldbody><equality><connect body1='pan' body2='world' anchor='0 0 1'/>"
+        "</equality><sensor><gyro site='s'/><touch site='s'/>"
         "<jointpos joint='wheel0.20.25'/></sensor></mujoco>"
     )
-    lines = check(recipe(rover=FileRover(file="rover.xml")), folder=tmp_path)
+    lines = list(check(recipe(rover=FileRover(file="rover.xml")), folder=tmp_path))
+    assert any(line.startswith("  warning      Of its file is left out, ") for line in lines)
     _, note = (line for line in lines if line.startswith("  note"))
     assert note.endswith("the recipe's `sensors` add some: 1 camera, 1 gyro, 1 touch.")
 

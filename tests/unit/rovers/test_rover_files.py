@@ -182,6 +182,33 @@ def test_gears_that_the_file_lacks_come_from_the_recipe(tub, tmp_path):
     assert changed(tub, tmp_path, (mimic, "")).couplings == ()
 
 
+def test_a_wheel_that_follows_another_is_told(tub, tmp_path):
+    start = '<child link="left_rear_wheel"/>'
+    geared = changed(tub, tmp_path, (start, f'{start}<mimic joint="left_front_wheel_joint"/>'))
+    assert [gear.link for gear in geared.couplings] == ["right_rocker"]
+    (told,) = geared.unread
+    assert told.endswith(": gear: left_rear_wheel_joint by left_front_wheel_joint.")
+    held = rovers.read(tub, held=("left_rocker_joint", "right_rocker_joint"))
+    assert held.unread == rovers.read(tub).unread == ()
+
+
+def test_springs_and_ties_of_simulators_are_told(tub, tmp_path):
+    extra = (
+        '<gazebo reference="left_rocker_joint"><springStiffness>50</springStiffness></gazebo>'
+        '<gazebo reference="right_rocker_joint"><spring_stiffness>0</spring_stiffness></gazebo>'
+        '<gazebo reference="pan"><springStiffness>50</springStiffness></gazebo>'
+        '<gazebo reference="mast"><turnGravityOff>true</turnGravityOff></gazebo>'
+        '<gazebo reference="base_link"><turnGravityOff>false</turnGravityOff></gazebo>'
+        '<gazebo><joint name="loop" type="revolute"/></gazebo>'
+        '<drake:linear_bushing_rpy name="strut"/></robot>'
+    )
+    (told,) = changed(tub, tmp_path, ("</robot>", extra)).unread
+    assert told == (
+        "Of its file is left out, though it changes how the rover moves: spring: left_rocker_joint;"
+        " gravity switched off: mast; joint of Gazebo's: loop; drake:linear_bushing_rpy: strut."
+    )
+
+
 def test_driven_joints_are_held_and_wheels_without_a_motor_roll_freely(tub, tmp_path):
     commands = "".join(
         f'<joint name="{joint}"><command_interface name="velocity"/></joint>'
@@ -228,6 +255,9 @@ def test_a_base_that_looks_another_way_is_turned(tub):
         ([('"revolute"', '"hinge"')], {}, "'left_rocker_joint' has the type 'hinge'|'pan'", "file"),
         ([('<mimic joint="left_rocker_joint"', '<mimic joint="right_rocker_joint"')], {},
          "'right_rocker_joint' follows itself", "file"),
+        ([('<mimic joint="left_rocker_joint"', '<mimic joint="left_rocker"')], {},
+         r"other.urdf: 'right_rocker_joint' follows the joint 'left_rocker', there is none "
+         r"\(did you mean 'left_rocker_joint'\?\)", "file"),
         ([('name="mast"', 'name="base_link"')], {}, "has two links 'base_link'", "file"),
         ([("robot", "sdf")], {}, "is a <sdf>, allowed: a URDF or xacro", "file"),
         ([], {"couplings": (CouplingSpec(joint="pan", follows="left_rocker_joint"),)},
