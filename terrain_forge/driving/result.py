@@ -92,7 +92,8 @@ class DriveResult(Record):
     """Torques of the motors, positive forwards [N m], shape [poses, wheels]."""
     wheel_slip: Array
     """Longitudinal slip: (ωr - v) over the larger of |ωr| and |v|, -1 (locked) to 1 (spins in
-    place), 0 where both are below 0.02 m/s, shape [poses, wheels]."""
+    place), 0 where both are below 0.02 m/s; v is along the ground in the wheel's plane, shape
+    [poses, wheels]."""
     wheel_moves: NDArray[np.bool_]
     """Whether a wheel moves fast enough to have a slip, shape [poses, wheels]."""
     joints: tuple[str, ...]

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array
 from terrain_forge.driving.result import longitudinal_slip
 
+_UPWARD = np.array([0.0, 0.0, 1e-9])
+"""What pushes a wheel that touches nothing [N]: such a one is told as on level ground."""
+
 
 class Snapshot(NamedTuple):
     """What MuJoCo knows of a rover at one moment, in the world frame."""
@@ -19,14 +22,14 @@ class Snapshot(NamedTuple):
     """Origin of base_link [m], shape [3]."""
     quaternion: Array
     """Rotation (w, x, y, z) of base_link, shape [4]."""
-    up: Array
-    """Unit vector that points up from base_link, shape [3]."""
     centre: Array
     """The rover's centre of mass, about which velocities are told [m], shape [3]."""
     moving: Array
     """Turn rates [rad/s] and velocities there [m/s] of the wheels, shape [wheels, 6]."""
     wheel: Array
     """Places of the wheels [m], shape [wheels, 3]."""
+    push: Array
+    """Sums of the normal forces at the wheels' contacts [N], shape [wheels, 3]."""
     axle: Array
     """Unit vectors along the axles, shape [wheels, 3]."""
     rate: Array
@@ -51,7 +54,7 @@ def wheel_states(
     turning, moving = one.moving[..., :3], one.moving[..., 3:]
     moving = moving + _cross(turning, one.wheel - one.centre[:, None])
     left = one.axle * sides[:, None]
-    forward = _cross(left, one.up[:, None])
+    forward = _cross(left, one.push + _UPWARD)
     forward /= np.linalg.norm(forward, axis=-1, keepdims=True)
     rim = (turning * left).sum(axis=-1) * radii
     slip, moves = longitudinal_slip(rim, (moving * forward).sum(axis=-1))

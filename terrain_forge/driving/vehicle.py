@@ -114,7 +114,11 @@ class Vehicle:
         ]
         is_rock = np.array([bool(name) for name in self._rocks])
         self._is_rover = model.body_rootid[model.geom_bodyid] == self._body
-        self._is_wheel = np.isin(model.geom_bodyid, self._wheel_bodies)
+        of_body = np.full(model.nbody, -1)
+        of_body[self._wheel_bodies] = np.arange(len(self._wheel_bodies))
+        self._wheel_of = of_body[model.geom_bodyid]
+        """Number of the wheel of each geom, -1 for the others."""
+        self._is_wheel = self._wheel_of >= 0
         self._kind = _ROCK * is_rock + _ROVER * self._is_rover
 
     def _find(self, kind: Any, name: str) -> int:
@@ -346,15 +350,26 @@ class Vehicle:
         return Snapshot(
             position=data.xpos[body].copy(),
             quaternion=data.xquat[body].copy(),
-            up=data.xmat[body, 2::3].copy(),
             centre=data.subtree_com[body].copy(),
             moving=data.cvel[wheels],
             wheel=data.xpos[wheels],
+            push=self._pushes(),
             axle=data.xaxis[self._axles],
             rate=data.qvel[self.axle_rates],
             torque=data.actuator_force[self.motors],
             joint_angle=data.qpos[self._angles],
         )
+
+    def _pushes(self) -> Array:
+        """Sums of the normal forces at the contacts of each wheel [N], shape [wheels, 3]."""
+        data, found = self.data, np.zeros((len(self._wheel_bodies), 3))
+        contact = data.contact
+        for side, sign in ((0, -1.0), (1, 1.0)):  # a normal points to the second geom
+            wheel = self._wheel_of[contact.geom[:, side]]
+            held = np.flatnonzero((wheel >= 0) & (contact.efc_address >= 0))
+            forces = sign * data.efc_force[contact.efc_address[held]]
+            np.add.at(found, wheel[held], forces[:, None] * contact.frame[held, :3])
+        return found
 
     def states(self, taken: Sequence[Snapshot]) -> dict[str, NDArray[Any]]:
         """What rover and wheels did at some moments, as `DriveResult` names it."""

@@ -14,7 +14,7 @@ from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
 from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
-from tests.helpers import worlds
+from tests.helpers import rovers, worlds
 from tests.helpers.rovers import morpheus
 from tests.unit.driving.test_drive import boulder_at, drive_through, line, plain
 
@@ -149,6 +149,33 @@ def test_slip_has_its_sign_and_its_ends():
     slip, moves = longitudinal_slip(rim, speed)
     np.testing.assert_allclose(slip, (1, 0, -1, 0.5, 0, -0.5))
     np.testing.assert_array_equal(moves, (True, True, True, True, False, True))
+
+
+def test_slip_is_along_the_ground_however_the_body_pitches(tmp_path):
+    """Wheels that stand on level ground under a body that looks up by 25°."""
+    tilt = math.radians(25)
+    turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
+    wheels = ""
+    for x, y in ((0.3, 0.25), (0.3, -0.25), (-0.3, 0.25), (-0.3, -0.25)):
+        ahead, up = turn @ (x, -0.15)  # as the body sees it
+        wheels += (
+            f'<body name="wheel{x}{y}" pos="{ahead} {y} {up}"><joint name="j{x}{y}" axis="0 1 0"/>'
+            '<geom type="cylinder" size=".15 .04" zaxis="0 1 0" mass="2"/></body>'
+        )
+    file = tmp_path / "up.xml"
+    file.write_text(
+        '<mujoco><worldbody><body name="hull"><freejoint/><geom type="box" size=".2 .1 .05" '
+        f'mass="9" pos="0 0 .1"/>{wheels}</body></worldbody></mujoco>'
+    )
+    rover = rovers.read(file)
+    vehicle = Vehicle(rovers.on_the_flat(rover, tmp_path / "o"), rover)
+    vehicle.set_down(np.zeros(3), quaternion_from_rpy(np.array([0.0, -tilt, 0.0])))
+    assert vehicle.attitude[1] == pytest.approx(tilt, abs=0.02)
+    slips = []
+    for tick in range(1, 150):
+        vehicle.step(np.full(4, 2.0 * min(tick / 100, 1.0)), 10)
+        slips.append(vehicle.states([vehicle.snapshot()])["wheel_slip"])
+    assert np.abs(np.array(slips[50:])).max() < 0.02  # along the body's axis 1 - cos 25° = 0.09
 
 
 def test_an_audit_lets_friction_take_and_nothing_give():
