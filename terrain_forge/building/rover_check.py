@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 from terrain_forge.model import Rover, Site
 from terrain_forge.paths import highest_step
+from terrain_forge.rovers import doubt_stance, doubt_unit, told_radii
 
-LARGEST_RADIUS = 3.0
-"""Radius from which a wheel is one of another unit [m]; the largest tyres of lorries have 2 m."""
 _WARNING = f"  {'warning':<12}"
 
 
@@ -20,16 +19,13 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
     held = f", held: {', '.join(rover.held)}" if rover.held else ""
     yield (
         f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, {len(rover.wheels)} wheels of "
-        f"{_radii(rover)} m driven{held}, step limit {highest_step(rover):.2g} m"
+        f"{told_radii(rover)} m driven{held}, step limit {highest_step(rover):.2g} m"
     )
     for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
         yield f"  {'note':<12} {note}"
     yield from (f"{_WARNING} {text}" for text in rover.unread)
-    if max(rover.wheel_radii) > LARGEST_RADIUS:
-        yield (
-            f"{_WARNING} wheels of {_radii(rover)} m: are the lengths of the rover's file in "
-            "another unit than metres?"
-        )
+    doubts = doubt_unit(rover), doubt_stance(rover)
+    yield from (f"{_WARNING} {text}" for text in doubts if text)
     if rover.length > min(site.size) or rover.width > min(site.size):
         yield (
             f"{_WARNING} the rover is {rover.length:.3g} m long and {rover.width:.3g} m wide, the "
@@ -47,9 +43,3 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
                 f"{_WARNING} {path.name}: {path.speed_m_s:g} m/s, the rover {rover.name} drives "
                 f"at {rover.speed_limit:g} m/s at most"
             )
-
-
-def _radii(rover: Rover) -> str:
-    """The radii of the wheels, or the least and the largest."""
-    low, high = (f"{value:.2f}" for value in (min(rover.wheel_radii), max(rover.wheel_radii)))
-    return low if low == high else f"{low} to {high}"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,7 +26,7 @@ from terrain_forge.paths.spec import PathSpec, Planned, Recorded
 from terrain_forge.paths.surroundings import require_free_start
 from terrain_forge.paths.trajectory import duration, make_trajectory
 from terrain_forge.paths.traversability_field import traversability
-from terrain_forge.rovers import require_ground
+from terrain_forge.rovers import doubt_unit, require_ground
 
 if TYPE_CHECKING:
     from terrain_forge.recipe import Recipe
@@ -46,17 +47,29 @@ def plan_routes(recipe: Recipe, rover: Rover, folder: Path) -> tuple[Route, ...]
         require_ground(rover, spacing=spacing)
     for number, path in enumerate(recipe.paths):
         key, recorded = ("paths", number), None
-        if isinstance(path.route, Planned):
-            require_off_border(path.route, size=size, spacing=spacing, rover=rover, key=key)
-            continue
         if isinstance(path.route, Recorded):
             recorded = read_recorded(path.route, folder, key=(*key, "route", "file"))
-        here = path.name == driven
-        route = plan_route(path, rover=rover, driven=here, recorded=recorded, key=key)
-        require_inside(route, size=size, rover=rover, key=key)
+        with _doubting_unit(rover):
+            if isinstance(path.route, Planned):
+                require_off_border(path.route, size=size, spacing=spacing, rover=rover, key=key)
+                continue
+            here = path.name == driven
+            route = plan_route(path, rover=rover, driven=here, recorded=recorded, key=key)
+            require_inside(route, size=size, rover=rover, key=key)
         require_samples(route, rate=path.rate_hz, key=key)
         routes.append(route)
     return tuple(routes)
+
+
+@contextmanager
+def _doubting_unit(rover: Rover) -> Iterator[None]:
+    """Where the rover's lengths can hardly be metres, that is why a route is refused."""
+    try:
+        yield
+    except RecipeError as error:
+        if not (doubt := doubt_unit(rover)):
+            raise
+        raise RecipeError(f"{doubt} As metres, {error}", key=("rover",)) from None
 
 
 def make_trajectories(

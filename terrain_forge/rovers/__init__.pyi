@@ -10,6 +10,9 @@ from .catalogue import resolve_rover as resolve_rover
 from .catalogue import rover_of as rover_of
 from .custom import CouplingSpec as CouplingSpec
 from .custom import FileRover as FileRover
+from .doubts import doubt_stance as doubt_stance
+from .doubts import doubt_unit as doubt_unit
+from .doubts import told_radii as told_radii
 from .rig import AnySensor as AnySensor
 from .rig import MoreSensors as MoreSensors
 from .rig import SensorsChoice as SensorsChoice

@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from terrain_forge.base import RecipeError
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
@@ -99,4 +100,7 @@ def test_sizes_of_another_unit_and_beyond_the_site_are_warned_of(tub, tmp_path):
     told, warned = said(recipe(rover=FileRover(file=file.name, wheel_radius_m=40.0)), tmp_path)
     assert "2 wheels of 40.00 m driven, step limit" in told
     assert "another unit than metres" in warned[0]
+    driven = recipe(rover=FileRover(file=file.name, wheel_radius_m=40.0), paths=planned(0.1).paths)
+    with pytest.raises(RecipeError, match=r"wheels of 40\.00 m: .* unit than metres\? As metres, "):
+        said(driven, tmp_path)
     assert "m wide, the site 16 × 12 m" in warned[1]
