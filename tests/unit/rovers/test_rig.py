@@ -371,3 +371,13 @@ def test_a_rig_of_a_packages_rover_is_told_as_a_recipe_reads_it(tmp_path, monkey
     np.testing.assert_allclose(told[1]["position_m"], body.position, atol=1e-12)
     np.testing.assert_allclose(told[2]["position_m"], (0, 0, 0.2), atol=1e-12)
     np.testing.assert_allclose(told[2].get("rpy_deg", (0, 0, 0)), 0, atol=1e-12)
+
+
+def test_exports_tell_what_of_the_file_is_left_out(tmp_path):
+    tie = '<equality><connect body1="arm" body2="chassis" anchor="0 0 1"/></equality></mujoco>'
+    file = rovers.buggy_mjcf(tmp_path)
+    file.write_text(file.read_text().replace("</mujoco>", tie))
+    rover = rovers.read(file, wheels=("lf", "lr", "rf", "rr"))
+    (told,) = rover.unread
+    assert told.endswith(": equality connect: arm with chassis.")
+    assert {told, *rover.notes} <= set(exported(rover, tmp_path / "o").losses)
