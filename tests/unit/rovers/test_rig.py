@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import fields
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -351,7 +352,9 @@ def test_a_rig_of_a_packages_rover_is_told_as_a_recipe_reads_it(tmp_path, monkey
         "  - {name: body, kind: imu, link: base_link, position_m: [0, 0, 0.2]}\n"
         "  - {name: arm, kind: imu, link: left_rocker, position_m: [0, 0, 0.2]}\n"
     )
-    monkeypatch.setattr(built_in, "_OURS", tmp_path)
+    monkeypatch.setattr(built_in, "plugins", lambda _: {"fleet": None})
+    fleet = SimpleNamespace(__path__=[tmp_path])
+    monkeypatch.setattr(built_in, "load_plugin", lambda *_: fleet)
     built_in.built_in_rovers.cache_clear()
     try:
         choice = built_in.built_in_rovers()["crate"]()
