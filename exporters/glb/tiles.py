@@ -41,17 +41,18 @@ from terrain_forge.geometry import (
     level_of_detail,
     lightest_rock_colour,
     pebbles_loss,
+    rocks_box,
     rocks_error,
     shifted,
     tile_anchor,
 )
 from terrain_forge.model import (
     CLOSE,
+    CLOSE_MIN_M,
     BuiltTile,
     Horizon,
     Mesh,
     RockField,
-    RockLibrary,
     Tile,
     TiledSite,
     TileGrid,
@@ -175,7 +176,7 @@ def _write_level(
         if len(single):
             levels = np.where(np.isin(single.id, close), CLOSE, 0)
             meshes = rock_meshes(local, single, gltf, levels)
-            boxes.append(_rocks_box(single, tile.whole.library))
+            boxes.append(rocks_box(single, tile.whole.library))
             nodes += json.loads(f"[{','.join(node_texts(single, meshes))}]")
         _write_asset(gltf, path, nodes, transforms=bool(patches))
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
@@ -194,16 +195,6 @@ def _write_asset(
         scene=0,
         scenes=[{"nodes": [0]}],
     )
-
-
-def _rocks_box(rocks: RockField, library: RockLibrary) -> Box:
-    """A box that holds rocks, however they are turned."""
-    shapes = [(shape.meshes[0], *filter(None, [shape.close])) for shape in library.prototypes]
-    spheres = np.array(
-        [max(np.linalg.norm(mesh.vertices, axis=1).max() for mesh in some) for some in shapes]
-    )
-    reach = (spheres[rocks.prototype] * rocks.scale)[:, None]
-    return _box(np.vstack([rocks.position - reach, rocks.position + reach]))
 
 
 def _box(vertices: NDArray[Any]) -> Box:
@@ -234,9 +225,10 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     losses = [
         f"Each level's geometric error is stated; at most: {told}. It is that of heights and of "
         "rocks' outlines, not of colours.",
-        "3D Tiles know no physics, and their rocks are merged per tile, without names.",
-        f"Soil and rocks{' away from paths' if near.tiles else ''} have no maps of fine normals; a "
-        "rock has one colour, and dust on top.",
+        "3D Tiles know no physics.",
+        f"Soil{' away from paths' if near.tiles else ''} has no map of fine normals.",
+        f"{_merged(options) if near.tiles else 'Rocks'} are merged per tile, without names and "
+        "maps, each of one colour with dust on top.",
         *([close_loss(near.pixel, options.close_within_m)] if near.pixel else []),
         "The tileset lies in the site's own frame, not on a globe.",
         *horizon_losses(horizon, shown=shown),
@@ -247,6 +239,17 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         beside = " They are in files beside the tileset." if near.pebbles else ""
         losses.append(f"{pebbles_loss(near.pebbles, options.pebbles_within_m)}{beside}")
     return tuple(losses)
+
+
+def _merged(options: Options) -> str:
+    """Which rocks are no nodes of their own."""
+    within, smallest = options.close_within_m, _smallest_node(options)
+    return f"Rocks farther than {within:g} m from paths, and those below {smallest:g} m,"
+
+
+def _smallest_node(options: Options) -> float:
+    """Diameter of the smallest rocks that are nodes of their own near paths [m]."""
+    return min(options.instances_min_m, CLOSE_MIN_M)
 
 
 @dataclass
@@ -292,7 +295,7 @@ def _write_close(
     """
     within = options.close_within_m
     patches = tuple(close_patches(tile, within=within, largest=options.texture_pixels))
-    near = rocks_near_paths(tile.world, smallest=options.instances_min_m, within=within)
+    near = rocks_near_paths(tile.world, smallest=_smallest_node(options), within=within)
     if not patches and not near.size:
         return None
     local = shifted(tile.world, tile_anchor(tile, grid))

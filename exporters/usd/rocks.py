@@ -23,6 +23,7 @@ from terrain_forge.geometry import (
     principal_axes,
     rock_factors,
     rock_maps,
+    rocks_box,
     skin,
 )
 from terrain_forge.model import CLOSE, Mesh, RockField, RockLibrary, Tile, World, world_friction
@@ -219,7 +220,6 @@ def define_instancer(
     kind: str = "rock",
 ) -> None:
     """Draw rocks by levels of detail of their shapes, all in one prim."""
-    shapes = whole.library.prototypes
     pairs, index = np.unique(
         np.stack([rocks.prototype, level, lie_upright(rocks)], axis=-1),
         axis=0,
@@ -241,9 +241,7 @@ def define_instancer(
     instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(halves))
     scales = np.repeat(rocks.scale.astype(np.float32)[:, None], 3, axis=1)
     instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
-    radii = np.array([np.linalg.norm(s.meshes[0].vertices, axis=1).max() for s in shapes])
-    reach = (rocks.scale * radii[rocks.prototype])[:, None]
-    box = np.stack([(positions - reach).min(axis=0), (positions + reach).max(axis=0)])
+    box = np.stack(rocks_box(rocks, whole.library))
     instancer.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(box.astype(np.float32)))
 
 

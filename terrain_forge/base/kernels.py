@@ -91,7 +91,8 @@ def _find_place() -> None:
             folder = Path(tempfile.gettempdir(), f"terrain-forge-kernels-{os.getuid()}")
             folder.mkdir(mode=0o700, exist_ok=True)
             found = folder.lstat()  # kernels are code: nobody else may have put them there
-            if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) != 0o700:
+            mine = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+            if not mine or found.st_mode & 0o077:
                 raise FileExistsError(f"{folder} is not yours alone")
         except OSError as error:
             raise StorageError(

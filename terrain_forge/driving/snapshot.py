@@ -54,7 +54,9 @@ def wheel_states(
     turning, moving = one.moving[..., :3], one.moving[..., 3:]
     moving = moving + _cross(turning, one.wheel - one.centre[:, None])
     left = one.axle * sides[:, None]
-    forward = _cross(left, one.push + _UPWARD)
+    push = one.push + _UPWARD
+    push *= np.where(push[..., 2:] < 0.0, -1.0, 1.0)  # under a ledge a wheel rolls forward too
+    forward = _cross(left, push)
     forward /= np.linalg.norm(forward, axis=-1, keepdims=True)
     rim = (turning * left).sum(axis=-1) * radii
     slip, moves = longitudinal_slip(rim, (moving * forward).sum(axis=-1))

@@ -101,8 +101,8 @@ class Adapter(Spec):
     """Variables that it gets beside those of the caller."""
     packages: tuple[str, ...] = ()
     """What `terrain-forge evaluate --install` puts into an environment of its own for it."""
-    modules: tuple[str, ...] = ()
-    """Modules that our own Python must have, for one without packages; the extra `slam` has cv2."""
+    modules: tuple[Annotated[str, MinLen(1)], ...] = ()
+    """Modules that our own Python must have, for one without packages."""
     loose: bool = False
     """Whether the first package is installed without what it asks for."""
     environment_of: FileName | None = None

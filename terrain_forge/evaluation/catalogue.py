@@ -38,6 +38,8 @@ _OURS = Path(__file__).parent / "systems"
 DRIVERS = Path(__file__).parent / "drivers"
 _MOST = 2**16
 _DONE = "installed.json"
+_REMEDIES = {"cv2": "pip install 'terrain-forge[slam]'"}
+"""How modules that our own systems need are installed."""
 
 
 @cache
@@ -166,7 +168,7 @@ def interpreter(adapter: Adapter) -> Path:
     if not adapter.packages:
         for module in adapter.modules:
             if find_spec(module.partition(".")[0]) is None:
-                remedy = "pip install 'terrain-forge[slam]'"
+                remedy = _REMEDIES.get(module, f"install it for {sys.executable}")
                 raise DataError(f"{adapter.name} needs the module {module}: {remedy}")
         return Path(sys.executable)
     folder = environment(adapter)
@@ -217,6 +219,7 @@ def install_system(adapter: Adapter) -> Path:
             made, or pip cannot install it; tells pip's last line.
     """
     if not adapter.packages and not adapter.needs_vocabulary:
+        require_ready(adapter)
         raise DataError(f"{adapter.name} needs no packages: {adapter.about or 'nothing to do'}")
     if adapter.needs_vocabulary:
         vocabulary = make_vocabulary()

@@ -59,6 +59,7 @@ from .rock_mesh import level_of_detail as level_of_detail
 from .rock_mesh import merge_in_parts as merge_in_parts
 from .rock_mesh import merge_rocks as merge_rocks
 from .rock_mesh import outline_error as outline_error
+from .rock_mesh import rocks_box as rocks_box
 from .rock_mesh import surface as surface
 from .rock_mesh import write_rock_shape as write_rock_shape
 from .rock_mesh import write_rocks_glb as write_rocks_glb

@@ -16,6 +16,7 @@ from terrain_forge.model import (
     Heightfield,
     Mesh,
     RockField,
+    RockLibrary,
     RockPrototype,
     TexturedMesh,
     World,
@@ -154,6 +155,15 @@ def level_of_detail(prototype: RockPrototype, tolerance: float) -> int:
     """
     errors = prototype.outline_errors
     return max(level for level, error in enumerate(errors) if level == 0 or error <= tolerance)
+
+
+def rocks_box(rocks: RockField, library: RockLibrary) -> tuple[Array, Array]:
+    """Lowest and highest corner of a box that holds rocks, however they are turned [m]."""
+    shapes = library.prototypes
+    meshes = [(one.meshes[0], one.close) if one.close else one.meshes[:1] for one in shapes]
+    radii = np.array([max(portable.norm(mesh.vertices).max() for mesh in some) for some in meshes])
+    reach = (radii[rocks.prototype] * rocks.scale)[:, None]
+    return (rocks.position - reach).min(axis=0), (rocks.position + reach).max(axis=0)
 
 
 def surface(prototype: RockPrototype, level: int = 0, *, upright: bool = True) -> TexturedMesh:

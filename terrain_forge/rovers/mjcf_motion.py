@@ -52,8 +52,8 @@ class Ties:
                 self.gears.append(gear)
             elif self._is_own_equality(number):
                 kind = mujoco.mjtEq(int(model.eq_type[number])).name.removeprefix("mjEQ_").lower()
-                name = self._model.equality(number).name or self._ends(number)
-                self.unread.append(Unread(f"equality {kind}", bounds.check_name(name, "equality")))
+                own = bounds.check_name(self._model.equality(number).name, "equality")
+                self.unread.append(Unread(f"equality {kind}", own or self._ends(number)))
 
     def _of_joints(self) -> list[Unread]:
         """Springs and the inertia of gear trains."""

@@ -271,7 +271,8 @@ class _Machine:
             elif gear in self.told_gears:
                 wrong = gear.link if pair[0] not in passive else gear.leader
                 raise DataError(
-                    f"{wrong!r} is no passive joint, there are: {', '.join(sorted(passive))}",
+                    f"{wrong!r} is no passive joint, there are: "
+                    f"{', '.join(sorted(passive)) or 'none'}",
                     key=("rover", "couplings"),
                 )
         return tuple(found)

@@ -99,15 +99,16 @@ def _unread(robot: Element) -> list[Unread]:
     """What simulators read beside URDF's own elements, and what changes the motion."""
     found = []
     for tag in robot.findall("gazebo[@reference]"):
-        name = tag.get("reference", "")
+        name = bounds.check_name(tag.get("reference", ""), "gazebo reference")
         for element in tag.iter():
             kind = _OF_GAZEBO.get(element.tag.lower().replace("_", ""))
             if kind and (element.text or "").strip().lower() not in _OFF:
                 found.append(Unread(kind, name, joint=name if kind == "spring" else ""))
-    found += [Unread("joint of Gazebo's", j.get("name", "")) for j in robot.findall("gazebo/joint")]
-    for element in robot:
-        if element.tag.startswith(_DRAKE):
-            found.append(Unread(element.tag, element.get("name", "") or "one"))
+    ties = [("joint of Gazebo's", joint) for joint in robot.findall("gazebo/joint")]
+    ties += [(element.tag, element) for element in robot if element.tag.startswith(_DRAKE)]
+    for kind, element in ties:
+        name = bounds.check_name(element.get("name", "") or "one", kind)
+        found.append(Unread(bounds.check_name(kind, "tag"), name))
     return list(dict.fromkeys(found))
 
 

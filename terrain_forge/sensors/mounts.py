@@ -64,7 +64,7 @@ def require_free(sensor: Sensor, rover: Rover) -> None:
             below = f"{-height:.2g} m below the level of" if height < 0.0 else "at the level of"
             raise RecipeError(
                 f"{part.name!r} is {below} the ground that the rover stands on: raise it "
-                f"by its position_m, now {_text(part.position)} m in {part.link!r}",
+                "by its position_m",
                 key=("sensors",),
             )
 
@@ -88,8 +88,8 @@ def _require_outside(sensor: Sensor, rover: Rover, motion: Motion) -> None:
                     raise RecipeError(
                         f"{sensor.name!r} sits inside a {shape.kind} of the rover's link "
                         f"{link.name!r} and would see nothing else: move it out by its position_m, "
-                        f"now {_text(sensor.position)} m in {sensor.link!r}, or, where that is its "
-                        f"housing, give it near_m: {math.ceil(100.0 * reach) / 100.0:g}",
+                        "or, where that is its housing, "
+                        f"give it near_m: {math.ceil(100.0 * reach) / 100.0:g}",
                         key=("sensors",),
                     )
 
@@ -105,8 +105,7 @@ def _require_above(sensor: Sensor, setting: Setting) -> None:
         raise RecipeError(
             f"{sensor.name!r} is {depth[worst]:.2g} m below the ground after {times[worst]:.1f} s "
             f"of {motion.path!r}, at ({places[worst, 0]:.2f}, {places[worst, 1]:.2f}) m of "
-            f"{world.site.name!r}: raise it by its position_m, now {_text(sensor.position)} m in "
-            f"{sensor.link!r}",
+            f"{world.site.name!r}: raise it by its position_m",
             key=("sensors",),
         )
 
@@ -129,7 +128,3 @@ def _winding(triangles: Array, point: Array) -> float:
     ab, bc, ca = ((u * v).sum(axis=1) for u, v in ((a, b), (b, c), (c, a)))
     angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
     return float(angle.sum() / (2.0 * np.pi))
-
-
-def _text(position: Array) -> str:
-    return "[{:g}, {:g}, {:g}]".format(*position)

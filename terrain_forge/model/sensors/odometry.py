@@ -16,7 +16,7 @@ class OdometrySensor(Sensor):
     """Encoders on the wheels, and where the rover would be by them: in the plane, from 0.
 
     Wheels turn as they did in a simulated drive. Along a path that nobody drove they slip by a
-    model; its figures are those of drives (docs/driving.md: distance over what wheels rolled 0.948,
+    model; its figures are those of drives (docs/driving.md: distance over what wheels rolled 0.949,
     turn rate by the wheels over the true one 2.1). The odometer knows the rover's wheels and track,
     and of slip what `assumed_` fields say. It sits on base_link.
     """

@@ -23,6 +23,7 @@ def _run(temporary: Path, code: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_kernels_lie_among_temporary_files_where_no_other_folder_takes_them(tmp_path: Path) -> None:
+    tmp_path.chmod(0o2700)  # what is made in it belongs to its group
     found = _run(tmp_path, "from terrain_forge.base.seeds import zigzag; print(zigzag(-2))")
     assert found.stdout == "3\n", found.stderr
     (folder,) = tmp_path.iterdir()

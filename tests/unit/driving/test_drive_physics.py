@@ -12,6 +12,7 @@ from terrain_forge.base import SimulationError, quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, load_scene
 from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
+from terrain_forge.driving.snapshot import Snapshot, wheel_states
 from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
 from tests.helpers import rovers, worlds
@@ -149,6 +150,18 @@ def test_slip_has_its_sign_and_its_ends():
     slip, moves = longitudinal_slip(rim, speed)
     np.testing.assert_allclose(slip, (1, 0, -1, 0.5, 0, -0.5))
     np.testing.assert_array_equal(moves, (True, True, True, True, False, True))
+
+
+@pytest.mark.parametrize("push", [50.0, 0.0, -50.0])
+def test_a_wheel_that_rolls_does_not_slip_under_a_ledge_either(push):
+    rolling = Snapshot(
+        position=np.zeros(3), quaternion=np.array([1.0, 0.0, 0.0, 0.0]), centre=np.zeros(3),
+        moving=np.array([[0.0, 2.0, 0.0, 0.2, 0.0, 0.0]]), wheel=np.zeros((1, 3)),
+        push=np.array([[0.0, 0.0, push]]), axle=np.array([[0.0, 1.0, 0.0]]), rate=np.array([2.0]),
+        torque=np.zeros(1), joint_angle=np.zeros(0),
+    )  # fmt: skip
+    told = wheel_states([rolling], sides=np.ones(1), radii=np.array([0.1]))
+    assert told["wheel_slip"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_slip_is_along_the_ground_however_the_body_pitches(tmp_path):

@@ -188,8 +188,8 @@ def test_clean_ground_has_noise_in_no_part(step, seeds):
         whole = find_noise(heights, 1.0, everywhere(heights), step=step)
         if whole.floor is None and not whole.doubt:  # it is looked for only then
             found.append(find_noisy_part(heights, 1.0, everywhere(heights), step=step)[1])
-    assert len(found) > 1
-    assert np.count_nonzero(found) <= 1
+    assert len(found) > seeds // 8
+    assert np.count_nonzero(found) <= seeds // 24
 
 
 @pytest.mark.parametrize("given", [0.03, 0.1])

@@ -8,6 +8,7 @@ import re
 import shutil
 import sys
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -386,7 +387,9 @@ def test_by_default_those_that_are_there_and_find_their_sensors(dataset, monkeyp
     listed = {line.split("  ")[0]: line for line in system_lines()}
     assert " not installed " in listed["stereo-odometry"]
     with pytest.raises(DataError, match=r"stereo-odometry needs the module cv2: pip install '"):
-        catalogue.require_ready(find_system("stereo-odometry"))
+        install_system(find_system("stereo-odometry"))
+    with pytest.raises(DataError, match="imu needs the module mine: install it for /"):
+        catalogue.require_ready(replace(find_system("imu"), modules=("mine",)))
     monkeypatch.setattr(catalogue, "find_spec", lambda _: True)
     assert [one.name for one in chosen_systems(None, dataset)] == ["imu", "stereo-odometry"]
     more = chosen_systems(None, dataset, ["libviso2=viso"])

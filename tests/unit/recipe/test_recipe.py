@@ -53,6 +53,13 @@ def line_of(path, text):
     return next(n for n, line in enumerate(path.read_text().splitlines(), 1) if text in line)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("recipe", sorted((ROOT / "recipes").glob("*.yaml")), ids=lambda p: p.stem)
+def test_rocks_of_shipped_recipes_can_be_packed(recipe):
+    file = load_recipe(recipe)
+    plan(file.recipe, folder=file.folder)
+
+
 @pytest.mark.parametrize(
     "recipe",
     [

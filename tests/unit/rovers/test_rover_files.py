@@ -255,6 +255,8 @@ def test_a_base_that_looks_another_way_is_turned(tub):
         ([('"revolute"', '"hinge"')], {}, "'left_rocker_joint' has the type 'hinge'|'pan'", "file"),
         ([('<mimic joint="left_rocker_joint"', '<mimic joint="right_rocker_joint"')], {},
          "'right_rocker_joint' follows itself", "file"),
+        ([("</robot>", '<gazebo reference="a&#10;b"/></robot>')], {},
+         r"gazebo reference .*a.*b", "file"),
         ([('<mimic joint="left_rocker_joint"', '<mimic joint="left_rocker"')], {},
          r"other.urdf: 'right_rocker_joint' follows the joint 'left_rocker', there is none "
          r"\(did you mean 'left_rocker_joint'\?\)", "file"),
