@@ -49,6 +49,8 @@ from .geometry import rectangle_distance as rectangle_distance
 from .geometry import segment_square_distance as segment_square_distance
 from .given import checked as checked
 from .given import given_numbers as given_numbers
+from .given import require_alike as require_alike
+from .given import require_kind as require_kind
 from .given import require_measurement as require_measurement
 from .heap import heap_pop as heap_pop
 from .heap import heap_push as heap_push

@@ -58,6 +58,30 @@ def given_numbers(values: ArrayLike, what: str) -> Array:
     return numbers
 
 
+def require_kind(value: Any, kind: Any, what: str) -> None:
+    """Refuse a value that is not of an annotated type.
+
+    Raises:
+        DataError: says what it is, what is allowed and what was found.
+    """
+    if not is_of(value, kind):
+        raise DataError(f"{what} must be {_words(kind)}, found {_shown(value)}")
+
+
+def require_alike(**values: ArrayLike) -> None:
+    """Refuse values of shapes that do not go together.
+
+    Raises:
+        DataError: names them.
+    """
+    shapes = {name: np.shape(value) for name, value in values.items()}
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        told = ", ".join(f"{name} of shape {tuple(shape)}" for name, shape in shapes.items())
+        raise DataError(f"{told}: alike, or one of one") from None
+
+
 def require_measurement(number: int, count: int, whose: str) -> None:
     """Refuse what is not the number, from 0, of one of some measurements.
 
@@ -111,10 +135,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 def _taken(function: Callable[..., Any], kinds: dict[str, Any], name: str, value: Any) -> Any:
     """An argument as the function takes it; raises what `checked` says."""
-    kind = kinds.get(name, Any)
-    if kind is not Any and not is_of(value, kind):
-        where = function.__qualname__.rpartition("<locals>.")[2]
-        raise DataError(f"{where}: {name} must be {_words(kind)}, found {_shown(value)}")
+    where = function.__qualname__.rpartition("<locals>.")[2]
+    require_kind(value, kinds.get(name, Any), f"{where}: {name}")
     return _sound(value)
 
 
@@ -130,11 +152,7 @@ def require_fields(owner: type, given: Mapping[str, Any]) -> None:
         return
     kinds = _field_kinds(owner)
     for name, value in given.items():
-        kind = kinds.get(name, Any)
-        if kind is not Any and not is_of(value, kind):
-            raise DataError(
-                f"{owner.__name__}: {name} must be {_words(kind)}, found {_shown(value)}"
-            )
+        require_kind(value, kinds.get(name, Any), f"{owner.__name__}: {name}")
 
 
 @cache

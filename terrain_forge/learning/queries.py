@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from terrain_forge.base import DataError, OutputError, checked
+from terrain_forge.base import DataError, OutputError, checked, require_alike, require_kind
 from terrain_forge.learning.requests import folders_of
 from terrain_forge.model import World
 from terrain_forge.truth import rock_rasters
@@ -25,9 +26,9 @@ class Grounds:
     Points are `world`, whole numbers of any shape, and `east` and `north` [m] of the same shape, or
     of one that broadcasts, also lists and single numbers; what lies outside a world counts as its
     edge, and of NaN all is NaN, -1 as a rock's id. All is computed by the library that the arrays
-    are of, on the device where they are. A world that is not there is a DataError; of arrays of
-    other libraries than NumPy, which may be on a device or not known yet, the numbers are not
-    looked at.
+    are of, on the device where they are. A world that is not there, what is no number, and shapes
+    that do not go together are a DataError; of arrays of other libraries than NumPy, which may be
+    on a device or not known yet, the numbers are not looked at.
     """
 
     elevation: Any
@@ -125,8 +126,8 @@ class Grounds:
 
     def rock_at(self, world: Any, east: Any, north: Any) -> Any:
         """Id of the rock on top of the node nearest to each point, -1 for the ground."""
-        row, column, nothing = self._nodes(east, north)
-        rock = self.rock[self._worlds(world), row, column]
+        world, row, column, nothing = self._nodes(world, east, north)
+        rock = self.rock[world, row, column]
         known = _as(nothing == 0.0, rock)
         return known * rock + known - 1
 
@@ -135,8 +136,8 @@ class Grounds:
 
         Beside nodes it may be below `height_at`, which is of the ground at the point itself.
         """
-        row, column, nothing = self._nodes(east, north)
-        top = self.top[self._worlds(world), row, column]
+        world, row, column, nothing = self._nodes(world, east, north)
+        top = self.top[world, row, column]
         return top + _as(nothing, top)
 
     def _worlds(self, given: Any) -> Any:
@@ -145,10 +146,14 @@ class Grounds:
         Raises:
             DataError: if there is no such world.
         """
-        if hasattr(given, "dtype") and not isinstance(given, np.ndarray | np.generic):
+        if _is_foreign(given):
             return given
-        numbers, count = np.asarray(given), len(self.elevation)
+        count = len(self.elevation)
         allowed = f"whole numbers from 0 to {count - 1} are allowed"
+        try:
+            numbers = np.asarray(given)
+        except ValueError:
+            raise DataError(f"worlds in rows of several lengths: {allowed}") from None
         if numbers.size and numbers.dtype.kind not in "iu":
             raise DataError(f"worlds of the type {numbers.dtype.name}: {allowed}")
         beyond = numbers[(numbers < 0) | (numbers >= count)]
@@ -156,22 +161,32 @@ class Grounds:
             raise DataError(f"world {beyond[0]}: {allowed}")
         return numbers.astype(np.int64) if isinstance(given, list | tuple) else given
 
-    def _nodes(self, east: Any, north: Any) -> tuple[Any, Any, Any]:
-        """Row and column of the node nearest to each point, and 0, or NaN where that is none."""
+    def _points(self, world: Any, east: Any, north: Any) -> tuple[Any, Any, Any]:
+        """The same, numbers and lists of Python's as NumPy's.
+
+        Raises:
+            DataError: if they are no numbers, or of shapes that do not go together.
+        """
+        world, east, north = self._worlds(world), _number(east, "east"), _number(north, "north")
+        require_alike(world=world, east=east, north=north)
+        return world, east, north
+
+    def _nodes(self, world: Any, east: Any, north: Any) -> tuple[Any, Any, Any, Any]:
+        """World, row, column of the node nearest to each point, and 0, NaN where that is none."""
         rows, columns = self.elevation.shape[1:]
-        east, north = _number(east), _number(north)
+        world, east, north = self._points(world, east, north)
         column = ((east - self.origin[0]) / self.spacing + 0.5).clip(0, columns - 1)
         row = ((north - self.origin[1]) / self.spacing + 0.5).clip(0, rows - 1)
-        return _whole(row, rows - 1), _whole(column, columns - 1), 0.0 * (row + column)
+        return world, _whole(row, rows - 1), _whole(column, columns - 1), 0.0 * (row + column)
 
     def _cell(self, world: Any, east: Any, north: Any) -> tuple[tuple[Any, ...], Any, Any]:
         """Heights of the corners of the cell under each point, and where in it the point lies."""
         rows, columns = self.elevation.shape[1:]
-        east, north = _number(east), _number(north)
+        world, east, north = self._points(world, east, north)
         x = ((east - self.origin[0]) / self.spacing).clip(0, columns - 1)
         y = ((north - self.origin[1]) / self.spacing).clip(0, rows - 1)
         i, j = _whole(x, columns - 2), _whole(y, rows - 2)
-        z, world = self.elevation, self._worlds(world)
+        z = self.elevation
         corners = z[world, j, i], z[world, j, i + 1], z[world, j + 1, i], z[world, j + 1, i + 1]
         return corners, x - i, y - j
 
@@ -185,8 +200,19 @@ def _world(one: Any) -> World:
     return World.load(one)
 
 
-def _number(values: Any) -> Any:
-    """The same, numbers and lists of Python's as NumPy's."""
+def _is_foreign(values: Any) -> bool:
+    """Whether they are an array of another library than NumPy."""
+    return hasattr(values, "dtype") and not isinstance(values, np.ndarray | np.generic)
+
+
+def _number(values: Any, what: str) -> Any:
+    """The same, numbers and lists of Python's as NumPy's.
+
+    Raises:
+        DataError: if they are no numbers.
+    """
+    if not _is_foreign(values):
+        require_kind(values, ArrayLike, f"Grounds: {what}")
     return np.asarray(values, np.float64)[()] if isinstance(values, _PYTHONS) else values
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, DataError, Record, checked, shaped
+from terrain_forge.base import Array, DataError, Record, checked, require_alike, shaped
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north edge [m]."""
@@ -55,14 +55,9 @@ class Heightfield(Record):
         Raises:
             DataError: for numbers of shapes that do not go together.
         """
+        require_alike(east=east, north=north)
         column = (np.asarray(east, np.float64) - self.origin[0]) / self.spacing
         row = (np.asarray(north, np.float64) - self.origin[1]) / self.spacing
-        try:
-            np.broadcast_shapes(column.shape, row.shape)
-        except ValueError:
-            raise DataError(
-                f"east of shape {column.shape}, north of shape {row.shape}: alike, or one of one"
-            ) from None
         rows, columns = self.shape
         slack = 1e-9
         inside_east = (column >= -slack) & (column <= columns - 1 + slack)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from types import SimpleNamespace
 
@@ -86,6 +87,50 @@ def test_a_query_in_a_world_that_is_not_there_is_refused(made, world, found):
     for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.normal_at):
         with pytest.raises(tf.DataError, match=f"^{found}: whole numbers from 0 to 1 are allowed$"):
             ask(world, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("points", "found"),
+    [
+        (
+            (0, [1, 2], [1, 2, 3]),
+            "world of shape (), east of shape (2,), north of shape (3,): alike",
+        ),
+        (([0, 1], [1.0, 2.0, 3.0], 0.0), "world of shape (2,), east of shape (3,)"),
+        ((0, "x", 0.0), "Grounds: east must be numbers, in rows of one length, found 'x'"),
+        ((0, 0.0, 1 + 1j), "Grounds: north must be numbers"),
+        ((0, np.array([1j]), 0.0), "Grounds: east must be numbers"),
+        ((0, None, 0.0), "Grounds: east must be numbers"),
+        ((0, [[1.0], [1.0, 2.0]], 0.0), "Grounds: east must be numbers"),
+        (([[0], [0, 1]], 0.0, 0.0), "worlds in rows of several lengths"),
+    ],
+)
+def test_a_query_of_what_is_no_place_is_refused(made, points, found):
+    grounds = learning.Grounds.of(made.folders)
+    for ask in (grounds.height_at, grounds.top_at, grounds.rock_at, grounds.slope_at):
+        with pytest.raises(tf.DataError, match=f"^{re.escape(found)}"):
+            ask(*points)
+
+
+def test_arrays_of_another_library_are_taken_as_they_are(made):
+    """Whose numbers may be on a device, or not known yet."""
+
+    class Elsewhere:
+        def __init__(self, values):
+            self.values, self.dtype, self.shape = values, values.dtype, values.shape
+
+        def __array__(self, *_, **__):
+            raise AssertionError("looked at")
+
+        def __sub__(self, other):
+            return self.values - other
+
+    grounds = learning.Grounds.of(made.folders)
+    x = Elsewhere(np.array([0.5, 1.0]))
+    found = grounds.height_at(0, x, x)
+    assert np.array_equal(found, grounds.height_at(0, x.values, x.values))
+    with pytest.raises(tf.DataError, match=r"east of shape \(2,\), north of shape \(3,\)"):
+        grounds.height_at(0, x, [1, 2, 3])
 
 
 def test_a_height_field_is_laid_at_the_corner_or_in_the_worlds_frame(made):
