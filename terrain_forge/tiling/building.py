@@ -6,6 +6,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -26,7 +27,7 @@ from terrain_forge.building import BuildResult, holding
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.checking import judge_again
 from terrain_forge.tiling.driving import drive_far
-from terrain_forge.tiling.exchange import exchanging, make_tile_away, take_tile
+from terrain_forge.tiling.exchange import Exchange, exchanging, make_tile_away, take_tile
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
 from terrain_forge.tiling.order import TileOrder, is_site, require_plain, save_order
@@ -78,6 +79,16 @@ class _Pace:
     begin: float = field(default_factory=time.perf_counter)
     link: str = ""
 
+    def count(self, number: int, result: dict[str, Any] | Exception) -> None:
+        """Take note of a tile."""
+        if isinstance(result, Exception):
+            self.failed[number] = result
+            _log.debug("tile %s", number, exc_info=result)
+        else:
+            self.made += 1
+            self.processor += result["processor_s"]
+            self.peak = max(self.peak, result["peak_bytes"])
+
     def told(self, missing: int) -> str:
         """How far it is."""
         gone = time.perf_counter() - self.begin
@@ -118,26 +129,8 @@ def build_tiles(
         return f"{there}: the same command goes on from there"
 
     with telling_interrupts(left), holding(out):
-        with storing(out, out):
-            save_order(order)
-            begin_site(order)
-        missing = order.missing()
         pace = _Pace()
-        watch(f"tiles: 0 of {len(missing)}")
-        told = partial(setattr, pace, "link")
-        given = {"workers": workers, "scheduler": scheduler, "told": told}
-        for number, result in _made(order, missing, exchange, given):
-            if isinstance(result, Exception):
-                pace.failed[number] = result
-                _log.debug("tile %s", number, exc_info=result)
-                if len(pace.failed) >= _MOST_FAILURES:
-                    break
-            else:
-                pace.made += 1
-                pace.processor += result["processor_s"]
-                pace.peak = max(pace.peak, result["peak_bytes"])
-            share = (pace.made + len(pace.failed)) / len(missing)
-            watch(pace.told(len(missing)), share)
+        _make_missing(order, pace, watch, exchange, workers=workers, scheduler=scheduler)
         if pace.failed:
             raise _failure(order, pace.failed)
         with storing(out, out):
@@ -178,22 +171,41 @@ def _warn_of_unplaced(verification: dict[str, Any], placed: int) -> None:
         )
 
 
+def _make_missing(
+    order: TileOrder, pace: _Pace, watch: Stopwatch, exchange: str | None, **given: Any
+) -> None:
+    """Write what is planned, then the tiles that are missing; their pace tells how that went."""
+    away = exchange and order.missing()
+    with exchanging(order, str(exchange)) if away else nullcontext() as there:
+        with storing(order.out, order.out):
+            save_order(order)
+            begin_site(order)
+        missing = order.missing()
+        watch(f"tiles: 0 of {len(missing)}")
+        given["told"] = partial(setattr, pace, "link")
+        for number, result in _made(order, missing, there, given):
+            pace.count(number, result)
+            if len(pace.failed) >= _MOST_FAILURES:
+                break
+            share = (pace.made + len(pace.failed)) / len(missing)
+            watch(pace.told(len(missing)), share)
+
+
 def _made(
-    order: TileOrder, missing: list[int], exchange: str | None, given: dict[str, Any]
+    order: TileOrder, missing: list[int], there: Exchange | None, given: dict[str, Any]
 ) -> Iterator[tuple[int, dict[str, Any] | Exception]]:
     """Each tile once it is in its place, with what it took, or why it is not."""
-    if exchange is None or not missing:
+    if there is None:
         yield from run_tasks(partial(make_tile, str(order.out)), missing, **given)
         return
-    with exchanging(order, exchange) as there:
-        for number, result in run_tasks(partial(make_tile_away, there), missing, **given):
-            if not isinstance(result, Exception):
-                try:
-                    take_tile(order, there, number, result["sha256"])
-                except TerrainForgeError as error:
-                    yield number, error
-                    continue
-            yield number, result
+    for number, result in run_tasks(partial(make_tile_away, there), missing, **given):
+        if not isinstance(result, Exception):
+            try:
+                take_tile(order, there, number, result["sha256"])
+            except TerrainForgeError as error:
+                yield number, error
+                continue
+        yield number, result
 
 
 def _failure(order: TileOrder, failed: dict[int, Exception]) -> TerrainForgeError:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256 as digest_of
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
@@ -27,7 +28,7 @@ from terrain_forge.base import OutputError, storing
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.joining import begin_site
 from terrain_forge.tiling.making import make_tile, placing
-from terrain_forge.tiling.order import FOLDER, PLANNED, TileOrder, load_order
+from terrain_forge.tiling.order import FOLDER, TileOrder, load_order, planned_files
 
 _SITE = "site.tar"
 
@@ -71,18 +72,23 @@ class Exchange:
 def exchanging(order: TileOrder, url: str) -> Iterator[Exchange]:
     """A place in a store with the planned site in it, which is removed in the end.
 
+    Nothing is read or written in the site's own folder.
+
     Raises:
         OutputError: if the store cannot be used.
     """
-    files = [order.out / FOLDER / name for name in PLANNED]
-    whose = f"{platform.node()} {order.out} {' '.join(map(sha256, files))}"
+    files = planned_files(order)
+    hashes = [digest_of(content).hexdigest() for content in files.values()]
+    whose = f"{platform.node()} {order.out} {' '.join(hashes)}"
     key = digest_of(whose.encode()).hexdigest()[:16]
     exchange = Exchange(url=f"{url.rstrip('/')}/terrain-forge-{key}")
     with TemporaryDirectory() as folder:
         packed = Path(folder) / _SITE
         with tarfile.open(packed, "w") as tar:
-            for file in files:
-                tar.add(file, f"{FOLDER}/{file.name}")
+            for name, content in files.items():
+                member = tarfile.TarInfo(f"{FOLDER}/{name}")
+                member.size = len(content)
+                tar.addfile(member, BytesIO(content))
         exchange.remove()  # what a killed build has left
         exchange.put(packed)
     try:

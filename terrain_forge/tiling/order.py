@@ -202,7 +202,7 @@ def save_order(order: TileOrder) -> None:
     Raises:
         OutputError: if the folder holds anything but the same order.
     """
-    texts = _files(order)
+    texts = planned_files(order)
     if is_site(order.out):
         _require_same(order.out, texts)
         return
@@ -219,7 +219,8 @@ def save_order(order: TileOrder) -> None:
     sync(order.out)
 
 
-def _files(order: TileOrder) -> dict[str, bytes]:
+def planned_files(order: TileOrder) -> dict[str, bytes]:
+    """The files of the planned site, by their names."""
     arrays: dict[str, NDArray[Any]] = {}
     site = to_plain(order.site, arrays, "site")
     binary = BytesIO()

@@ -96,7 +96,7 @@ def test_a_store_that_cannot_be_used_is_told_before_any_tile(site, scheduler, tm
     for address, why in (("nosuch://tiles", "Protocol not known"), (f"file://{tmp_path}/no", "")):
         with pytest.raises(OutputError, match=rf"the exchange {address}/\S+ cannot be used: {why}"):
             tf.build(site, tmp_path / "six", scheduler=scheduler, exchange=address)
-        assert not (tmp_path / "six/tiles").exists()
+        assert not (tmp_path / "six").exists(), "another recipe may go there"
 
 
 def test_an_exchange_is_for_sites_in_tiles(scheduler, tmp_path):
