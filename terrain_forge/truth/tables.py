@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
 
@@ -23,10 +23,15 @@ def write_rocks(world: World, path: Path) -> None:
     Longitude (east, -180 to 180) and latitude follow where the site is georeferenced; latitude is
     that of the body's ellipsoid. Then, always: a_m, b_m, c_m, the rock's extents along its
     prototype's x, y and z axes; collision_parts, how many convex parts stand in for it (0 where it
-    is visual-only); dynamic and solid, 1 where it can be pushed or touched.
+    is visual-only); dynamic and collides, 1 where it can be pushed or touched.
     """
+    write_table(path, rock_columns(world, quoted))
+
+
+def rock_columns(world: World, word: Callable[[str], str]) -> list[Column]:
+    """The columns of `write_rocks`, names of populations as `word` writes them."""
     rocks, shapes = world.field, world.library.prototypes
-    names = np.array([quoted(name) for name in rocks.populations], dtype=object)
+    names = np.array([word(name) for name in rocks.populations], dtype=object)
     stored = [f for f in fields(rocks) if "column" in f.metadata]
     columns = [
         Column(name="id", values=rocks.id, form="%d"),
@@ -44,14 +49,14 @@ def write_rocks(world: World, path: Path) -> None:
     extents = np.array([np.ptp(shape.meshes[0].vertices, axis=0) for shape in shapes])
     axes = extents.reshape(-1, 3)[rocks.prototype] * rocks.scale[:, None]
     parts = np.array([len(shape.hulls) for shape in shapes], np.int64)[rocks.prototype]
-    columns += [
+    return [
+        *columns,
         *lonlat_columns(world.site, rocks.position[:, :2]),
         *columns_of(("a_m", "b_m", "c_m"), axes.T, "%.7f"),
         Column(name="collision_parts", values=parts * rocks.collides, form="%d"),
         Column(name="dynamic", values=rocks.dynamic, form="%d"),
         Column(name="collides", values=rocks.collides, form="%d"),
     ]
-    write_table(path, columns)
 
 
 def lonlat_columns(site: Site, xy: Array) -> list[Column]:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError
-from terrain_forge.dtm import geographic_crs, transform
 from terrain_forge.model import Tile, World
 from terrain_forge.truth.materials import write_materials
 from terrain_forge.truth.merging import count_rocks
 from terrain_forge.truth.rasters import rock_rasters
-from terrain_forge.truth.tables import write_rocks
+from terrain_forge.truth.tables import rock_columns, write_rocks
 from terrain_forge.truth.traversability import rate_world, write_rasters
 from terrain_forge.writers import write_geotiff
 
@@ -95,31 +94,19 @@ def require_parquet() -> None:
 
 
 def write_parquet(world: World, path: Path) -> None:
-    """Write the table of rocks as GeoParquet 1.1: places as points in the site's CRS."""
+    """Write the columns of rocks.csv as GeoParquet 1.1, with places as points in the site's CRS."""
     arrow: Any = import_module("pyarrow")
     parquet: Any = import_module("pyarrow.parquet")
     rocks, site = world.field, world.site
     points = np.empty(len(rocks), [("order", "u1"), ("kind", "<u4"), ("x", "<f8"), ("y", "<f8")])
     points["order"], points["kind"] = 1, 1
     points["x"], points["y"] = rocks.position[:, :2].T
-    names = np.array(rocks.populations, dtype=object)
     columns: dict[str, Any] = {
-        "id": rocks.id,
-        "population": arrow.array(names[rocks.population].tolist(), arrow.string()),
-        "prototype": rocks.prototype,
-        **{f"{axis}_m": rocks.position[:, n] for n, axis in enumerate("xyz")},
-        **{f"q{axis}": rocks.quaternion[:, n] for n, axis in enumerate("wxyz")},
-        "diameter_m": rocks.diameter,
-        "height_m": rocks.height,
-        "buried_fraction": rocks.buried_fraction,
-        "volume_m3": rocks.volume,
-        "mass_kg": rocks.mass,
-        "dynamic": rocks.dynamic,
-        "collides": rocks.collides,
+        column.name: arrow.array(column.values.tolist(), arrow.string())
+        if column.values.dtype == object
+        else column.values
+        for column in rock_columns(world, str)
     }
-    if site.georeferenced:
-        lonlat = transform(site.crs, geographic_crs(site.crs), *rocks.position[:, :2].T)
-        columns["lon_deg"], columns["lat_deg"] = lonlat
     size = points.dtype.itemsize
     raw = [points[n : n + 1].tobytes() for n in range(len(points))]
     columns["geometry"] = arrow.array(raw, arrow.binary())

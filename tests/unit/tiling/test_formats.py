@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ import terrain_forge as tf
 from terrain_forge.base import DataError
 from terrain_forge.model import path_points
 from terrain_forge.rocks import path_pebbles, rocks_near_paths, seen_close
+from terrain_forge.truth.tables import write_rocks
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
 from tests.unit.exporters.test_glb import gltf_issues
@@ -274,6 +276,25 @@ def test_rocks_as_geoparquet(whole, tmp_path):
     order, kind, x, y = struct.unpack("<BIdd", table["geometry"][7].as_py())
     assert (order, kind) == (1, 1)
     assert [x, y] == whole.field.position[7, :2].tolist()
+
+
+def test_rocks_as_geoparquet_have_the_columns_and_values_of_the_table(whole, tmp_path):
+    arrow = pytest.importorskip("pyarrow.parquet")
+    named = whole.field.replace(populations=('large, "flat"',))
+    world = whole.replace(field=named)
+    write_parquet(world, tmp_path / "rocks.parquet")
+    write_rocks(world, tmp_path / "rocks.csv")
+    table = arrow.read_table(tmp_path / "rocks.parquet")
+    with (tmp_path / "rocks.csv").open(newline="") as file:
+        head, *rows = csv.reader(file)
+    assert table.column_names == [*head, "geometry"]
+    assert {"a_m", "lon_deg", "collision_parts"} <= {*head}
+    for name, values in zip(head, zip(*rows, strict=True), strict=True):
+        found = table[name].to_pylist()
+        if name == "population":
+            assert found == [*values]
+        else:
+            assert found == pytest.approx([float(value) for value in values], rel=1e-6, abs=1e-7)
 
 
 def test_levels_of_both_formats_are_as_much_off_as_their_rocks_are(built):
