@@ -31,7 +31,7 @@ from terrain_forge.tiling.exchange import Exchange, exchanging, make_tile_away, 
 from terrain_forge.tiling.joining import begin_site, join, sample_world, write_manifest
 from terrain_forge.tiling.making import make_tile
 from terrain_forge.tiling.order import TileOrder, is_site, require_plain, save_order
-from terrain_forge.tiling.page import write_page
+from terrain_forge.tiling.page import PAGE, write_page
 from terrain_forge.tiling.picture import PICTURE
 from terrain_forge.tiling.routing import lay_paths, require_paths_begin
 from terrain_forge.truth import require_parquet
@@ -141,7 +141,7 @@ def build_tiles(
             _warn_of_unplaced(joined["verification"], joined["manifest"]["tiles"]["rocks"])
             watch("report page")
             write_page(order, joined["verification"], joined["manifest"], paths)
-            joined["manifest"]["outputs"][PICTURE] = sha256(out / PICTURE)
+            joined["manifest"]["outputs"] |= {name: sha256(out / name) for name in (PICTURE, PAGE)}
             write_manifest(order, joined["manifest"])
             passed = judge_again(order, joined["manifest"]) and passed
     watch.figures.update(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,14 @@ from terrain_forge.base import (
 )
 from terrain_forge.building import foreign_files, hash_found, holding
 from terrain_forge.model import Check, at_most
-from terrain_forge.tiling.driving import checks_of_drive
+from terrain_forge.tiling.driving import DRIVE, checks_of_drive
 from terrain_forge.tiling.joining import (
     FORMAT,
     MANIFEST,
     REPORT,
     TABLE,
     added_files,
+    altered_files,
     read_site,
     read_tile,
 )
@@ -37,7 +39,8 @@ from terrain_forge.tiling.order import (
     require_plain,
 )
 
-_NAMED = 8
+_NAMED = 20
+"""Tiles and files that a check names."""
 _FEW = 16
 """Tiles that are read in this process."""
 _COUNTS = "truth/size_frequency.json"
@@ -56,13 +59,7 @@ def check_tile(out: str, number: int) -> list[str]:
         files: dict[str, str] = read_tile(order, number)["files"]
     except OutputError:
         return [f"{place}/{TILE} is damaged"]
-    found = []
-    for name, wanted in files.items():
-        path = folder / name
-        if not path.is_file():
-            found.append(f"{place}/{name} is missing")
-        elif hash_found(path) != wanted:
-            found.append(f"{place}/{name} is damaged")
+    found = [f"{place}/{told}" for told in altered_files(folder, files)]
     there = foreign_files(folder, {})
     return found + [f"{place}/{name} was added" for name in there if name not in {*files, TILE}]
 
@@ -94,7 +91,7 @@ def judge_again(order: TileOrder, manifest: dict[str, Any]) -> bool:
     """Judge what an earlier validation found damaged anew, after a build; whether all is well."""
     try:
         before = read_json(order.out / REPORT, REPORT)["damaged"]
-        places = {"/".join(name.partition(":")[0].split("/")[:3]) for name in before}
+        places = {*_by_place(before)}
     except (DataError, KeyError, TypeError, AttributeError):
         return True  # there was none
     if not places:
@@ -108,10 +105,12 @@ def _judge(order: TileOrder, bad: set[str]) -> bool:
     """Write the report; whether all is as it was built."""
     out = order.out
     checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
-    if not any(name.startswith(f"{_COUNTS} ") for name in bad):
+    told_of = {place.rpartition(verb)[0] for place in bad for verb in (" is ", " was ")}
+    if _COUNTS not in told_of:
         pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
         checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
-    checks += checks_of_drive(order)
+    if DRIVE not in told_of:
+        checks += checks_of_drive(order)
     report = {
         "format": FORMAT,
         "checks": [vars(check) for check in checks],
@@ -125,9 +124,25 @@ def _judge(order: TileOrder, bad: set[str]) -> bool:
 
 
 def _check(name: str, bad: set[str], what: str) -> Check:
-    named = "; ".join(sorted(bad)[:_NAMED]) + (" …" if len(bad) > _NAMED else "")
+    places = _by_place(bad)
+    told = [
+        names[0] if len(names) == 1 else f"{place}: {len(names)} files"
+        for place, names in places.items()
+    ]
+    more = f"; {len(told) - _NAMED} more are in {REPORT}" if len(told) > _NAMED else ""
     repair = "; move damaged tiles' folders and what was added away, and build again"
-    return at_most(name, len(bad), 0, note=f"{what}: {named}{repair}" if bad else what)
+    named = "; ".join(told[:_NAMED]) + more + repair
+    return at_most(name, len(bad), 0, note=f"{what}: {named}" if bad else what)
+
+
+def _by_place(bad: Iterable[str]) -> dict[str, list[str]]:
+    """What is not as built by the tile's folder, tiles first, or by itself."""
+    found: dict[str, list[str]] = {}
+    for name in sorted(bad, key=lambda one: (not one.startswith("tiles/"), one)):
+        parts = name.partition(":")[0].split("/")
+        place = "/".join(parts[:3]) if parts[0] == "tiles" else name
+        found.setdefault(place, []).append(name)
+    return found
 
 
 def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
@@ -135,12 +150,7 @@ def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     bad = [f"{name} was added" for name in added_files(order, manifest)]
     if wrong := order.site.misstated(manifest):
         bad.append(f"{MANIFEST} is damaged ({', '.join(wrong)})")
-    for name, wanted in manifest["outputs"].items():
-        path = order.out / name
-        if not path.is_file():
-            bad.append(f"{name} is missing")
-        elif hash_found(path) != wanted:
-            bad.append(f"{name} is damaged")
+    bad += altered_files(order.out, manifest["outputs"])
     table = order.out / FOLDER / TABLE
     try:
         lines = read_text(table, TABLE, most=MOST).splitlines()[1:] if table.exists() else []

@@ -14,6 +14,7 @@ from terrain_forge.base import OutputError, SimulationError, Stopwatch
 from terrain_forge.model import Check, Trajectory, exporter, failed
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers import rover_of
+from terrain_forge.tiling.joining import altered_files, read_site
 from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import STAGING, TileOrder
 from terrain_forge.tiling.routing import Land, reach_of
@@ -21,6 +22,8 @@ from terrain_forge.validation import drive_checks, drive_json, read_checks
 
 DRIVE = "validation/drive.json"
 """How the drive went, in the site's folder."""
+_FILES = "validation/drive"
+"""What the names of a drive's files begin with."""
 _BESIDE = 0.15
 """Ground around a part of the path in its scene, over the length of the part."""
 _LEAST_BESIDE = 6.0
@@ -76,11 +79,13 @@ def drive_far(
 ) -> bool:
     """Drive a path of the site, unless that was done; returns whether the drive kept its limits.
 
+    A drive with a file that is missing or not as the finished site had it is none.
+
     Writes validation/drive_PATH.csv and its like, and `DRIVE`, last.
     """
     folder = order.out / "validation"
     told = order.out / DRIVE
-    if not told.is_file():
+    if not told.is_file() or _is_altered(order):
         watch(f"drive: {spec.path}")
         folder.mkdir(exist_ok=True)
         path = next(one for one in paths if one.name == spec.path)
@@ -89,6 +94,16 @@ def drive_far(
         fresh.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         fresh.replace(told)
     return all(check.passed for check in checks_of_drive(order))
+
+
+def _is_altered(order: TileOrder) -> bool:
+    """Whether the site was finished with other files of its drive."""
+    try:
+        listed = read_site(order.out)["outputs"]
+    except OutputError:  # it was not, or nobody knows
+        return False
+    drive = {name: wanted for name, wanted in listed.items() if name.startswith(_FILES)}
+    return bool(altered_files(order.out, drive))
 
 
 def checks_of_drive(order: TileOrder) -> list[Check]:

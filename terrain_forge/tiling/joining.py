@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from terrain_forge import __version__
 from terrain_forge.base import DataError, OutputError, Stopwatch, read_json, software, write_whole
-from terrain_forge.building import foreign_files, lists_outputs
+from terrain_forge.building import foreign_files, hash_found, lists_outputs
 from terrain_forge.dtm import open_dataset
 from terrain_forge.model import (
     BuiltTile,
@@ -38,7 +38,7 @@ TABLE = "tiles.csv"
 """The list of tiles, in the folder of the order."""
 REPORT = "validation/report.json"
 _OWN = "map.png", "report.html", REPORT
-"""Files of the whole that the manifest does not list."""
+"""Files of the whole that are written after its others; not all manifests list them."""
 _MOST = 2**26
 
 
@@ -182,6 +182,18 @@ def added_files(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     listed = {"outputs": {*manifest["outputs"], *_OWN, *rows}}
     found = foreign_files(order.out, listed)
     return [name for name in found if "/".join(name.split("/")[:3]) not in tiles]
+
+
+def altered_files(folder: Path, listed: Mapping[str, str]) -> list[str]:
+    """What is amiss with files of a folder, of which a list has the hashes."""
+    found = []
+    for name, wanted in listed.items():
+        path = folder / name
+        if not path.is_file():
+            found.append(f"{name} is missing")
+        elif hash_found(path) != wanted:
+            found.append(f"{name} is damaged")
+    return found
 
 
 def write_manifest(order: TileOrder, manifest: dict[str, Any]) -> None:

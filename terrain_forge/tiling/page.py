@@ -18,6 +18,7 @@ from terrain_forge.tiling.driving import checks_of_drive
 from terrain_forge.tiling.order import TileOrder
 from terrain_forge.tiling.picture import PICTURE, write_map
 
+PAGE = "report.html"
 _STYLE = """
 body{font:16px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;
 color:#221e1a;background:#faf8f5}h1{margin-bottom:0}table{border-collapse:collapse}
@@ -116,7 +117,7 @@ def write_page(
         f"<title>{title}</title><style>{_STYLE}</style></head><body>{body}"
         f"<script>{_SCRIPT}</script></body></html>\n"
     )
-    (order.out / "report.html").write_text(page, encoding="utf-8", newline="\n")
+    (order.out / PAGE).write_text(page, encoding="utf-8", newline="\n")
 
 
 def _lead(order: TileOrder, manifest: dict[str, Any]) -> str:

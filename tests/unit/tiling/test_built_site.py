@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 
@@ -35,6 +36,7 @@ def test_a_whole_site_is_valid(copied):
         "tiles/000/001/tile.json",
         "truth/size_frequency.json",
         "map.png",
+        "report.html",
     ],
 )
 def test_a_damaged_file_is_found(copied, name):
@@ -45,6 +47,64 @@ def test_a_damaged_file_is_found(copied, name):
     assert not pipeline.validate(copied)
     damaged = json.loads((copied / "validation/report.json").read_text())["damaged"]
     assert f"{name} is damaged" in damaged
+
+
+def test_a_page_that_is_missing_is_found_and_written_anew(copied, recipe, built):
+    (copied / "report.html").unlink()
+    assert not pipeline.validate(copied)
+    told = json.loads((copied / "validation/report.json").read_text())["damaged"]
+    assert told == ["report.html is missing"]
+    assert tf.build(tf.load_recipe(recipe).recipe, copied, workers=0).passed
+    assert (copied / "report.html").read_bytes() == (built / "report.html").read_bytes()
+
+
+def test_each_damaged_tile_is_named_once_and_the_list_has_all(copied):
+    """What one moves away is the tile's folder."""
+    harmed = ["truth/size_frequency.json", "map.png"]
+    for row in range(2):
+        for column in range(3):
+            names = sorted((copied / f"tiles/{row:03}/{column:03}").rglob("*.tif"))[:4]
+            harmed += [path.relative_to(copied).as_posix() for path in names]
+    for name in harmed:
+        (copied / name).write_bytes(b"")
+    (copied / "drive.txt").write_text("")
+    done = command.run("validate", copied)
+    assert done.returncode == 1
+    report = json.loads((copied / "validation/report.json").read_text())
+    assert {*report["damaged"]} == {f"{name} is damaged" for name in harmed} | {
+        "drive.txt was added"
+    }
+    (told,) = [line for line in done.stderr.splitlines() if "failed: tiles" in line]
+    for row in range(2):
+        for column in range(3):
+            assert told.count(f"tiles/{row:03}/{column:03}: 4 files") == 1
+    for name in (*harmed[:2], "drive.txt"):
+        assert told.count(f"; {name} ") == 1
+
+
+def test_more_damaged_files_than_can_be_named_are_counted(copied):
+    for number in range(25):
+        (copied / f"{number:02}.txt").write_text("")
+    assert not pipeline.validate(copied)
+    report = json.loads((copied / "validation/report.json").read_text())
+    assert len(report["damaged"]) == 25
+    note = report["checks"][0]["note"]
+    assert "19.txt was added; 5 more are in validation/report.json; move" in note
+    assert "20.txt" not in note
+
+
+def test_a_damaged_drive_is_one_of_the_damaged_files(copied):
+    """Of a site that has none, its list says one."""
+    content = b'{"checks": []}'
+    manifest = json.loads((copied / "manifest.json").read_text())
+    manifest["outputs"]["validation/drive.json"] = hashlib.sha256(content).hexdigest()
+    (copied / "manifest.json").write_text(json.dumps(manifest))
+    (copied / "validation").mkdir(exist_ok=True)
+    (copied / "validation/drive.json").write_bytes(b"{")
+    (copied / "map.png").write_bytes(b"")
+    assert not pipeline.validate(copied)
+    told = json.loads((copied / "validation/report.json").read_text())["damaged"]
+    assert told == ["map.png is damaged", "validation/drive.json is damaged"]
 
 
 def test_what_was_added_is_named_also_after_a_build(copied, recipe):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -78,6 +79,27 @@ def test_the_drive_goes_on_from_scene_to_scene(driven):
     assert tf.validate(driven)
     report = json.loads((driven / "validation/report.json").read_text())
     assert "drive there: progress" in {check["name"] for check in report["checks"]}
+
+
+@pytest.mark.slow
+def test_a_damaged_drive_is_named_and_driven_anew(driven, recipe, tmp_path):
+    out = shutil.copytree(driven, tmp_path / "corridor")
+    (out / "validation/drive_there.csv").write_text("")
+    (out / "validation/drive_there.tum").unlink()
+    (out / "validation/drive.json").write_text("{")
+    assert not tf.validate(out)
+    told = json.loads((out / "validation/report.json").read_text())["damaged"]
+    assert told == [
+        "validation/drive.json is damaged",
+        "validation/drive_there.csv is damaged",
+        "validation/drive_there.tum is missing",
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("terrain_forge.tiling.routing.AHEAD", 8.0)
+        assert tf.build(recipe, out, workers=0).passed
+    for path in driven.glob("validation/drive*"):
+        assert path.read_bytes() == (out / path.relative_to(driven)).read_bytes()
+    assert json.loads((out / "validation/report.json").read_text())["damaged"] == []
 
 
 @pytest.mark.slow
