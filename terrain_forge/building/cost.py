@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from terrain_forge import validation
 from terrain_forge.base import cache_folder, size_text, to_plain
+from terrain_forge.geometry import pixel_beside
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
 from terrain_forge.recipe import (
@@ -44,6 +45,10 @@ DRIVING, FILMING = 0.05, 0.8
 """Time to simulate a second of driving [s], of many drives two at once, and to film a drive [s]."""
 TEXEL, USUAL_SIDE = 1e-6, 1024
 """Time for each pixel of a larger texture [s] than one of so many pixels a side."""
+CLOSE_TEXEL, CLOSE_SIZE = 4.2e-7, 0.7
+"""Time [s] and bytes of each pixel of the ground near paths."""
+AGAIN = 2e-6
+"""Time for each node of a tile that is made again for what lies near paths [s]."""
 READ_SHAPE, SHAPE, CUT_SHAPE, CUT = 0.002, 0.035, 0.3, 2.0
 """Time for each shape of a library [s] to read it, make it, make it where hulls are to be closer
 than usual, of which some are cut up, and make the user's own."""
@@ -169,7 +174,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
         "ground": 0.3 + nodes / 6e6,
         "rocks": 0.35 + rocks / 60e3 + dynamic * SETTLING,
         "paths": 0.05 + 0.1 * len(site.routes),
-        "writing": SHARED * written + _pictures(orders),
+        "writing": SHARED * written + _pictures(orders) + _near_paths(orders, site)[0],
         "validation": SHARED * read + watched + _drives(site),
         "report page": 0.65 + nodes / 5e6,
         "manifest": 0.05 + exported / 1.5e9,
@@ -198,7 +203,38 @@ def _exported(orders: Sequence[ExportOrder], site: Site) -> float:
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
     each_texel = sum(getattr(order.options, "bytes_each_texel", 0) for order in orders)
     each = (export_bytes(order, site) for order in orders)
-    return PICTURES * pictured + each_texel * _detail_texels(site) + sum(each)
+    near = _near_paths(orders, site)[1]
+    return PICTURES * pictured + each_texel * _detail_texels(site) + near + sum(each)
+
+
+def _near_paths(orders: Sequence[ExportOrder], site: Site) -> tuple[float, float]:
+    """Processor time [s] and bytes of what exports draw near paths, but for bytes of pebbles."""
+    planned = sum(map(_planned_length, site.recipe.paths))
+    length = sum(route.length for route in site.routes) + planned
+    seconds = size = 0.0
+    for options in (order.options for order in orders):
+        close = getattr(options, "close_within_m", 0.0)
+        pebbles = getattr(options, "pebbles_min_m", 0.0) and options.pebbles_within_m
+        if length and (close or pebbles):
+            tiles, nodes = _tiles_near(site, length, max(close, pebbles))
+            pixels = 2.0 * close * length / pixel_beside(length / tiles, close) ** 2
+            seconds += CLOSE_TEXEL * pixels + AGAIN * tiles * nodes
+            size += CLOSE_SIZE * pixels
+    return seconds, size
+
+
+def _tiles_near(site: Site, length: float, within: float) -> tuple[float, float]:
+    """About how many tiles lie near so many metres of paths, and nodes of each; else one of none.
+
+    A straight line of any direction crosses 4 / π sides of squares for each length of a side.
+    """
+    if site.recipe.tiles is None:
+        return 1.0, 0.0
+    nodes = min(tile_cells(site.recipe) ** 2, expected_nodes(site.recipe))
+    side = tile_cells(site.recipe) * site.spacing
+    crossed = length * (4.0 / math.pi * side + 2.0 * within) / side**2
+    there = math.ceil(site.size[0] / side) * math.ceil(site.size[1] / side)
+    return min(len(site.recipe.paths) + crossed, there), nodes
 
 
 def _site_bytes(site: Site) -> float:
@@ -288,7 +324,12 @@ def _drives(site: Site) -> float:
 
 def _planned(path: PathSpec) -> float:
     """About how long it takes to drive a path that is planned on the finished ground [s]."""
+    return _planned_length(path) / path.speed_m_s
+
+
+def _planned_length(path: PathSpec) -> float:
+    """About how long a path is that is planned on the finished ground [m]; 0 for any other."""
     if not isinstance(path.route, Planned):
         return 0.0
     places = [place for _, place in path.route.stops]
-    return DETOUR * sum(math.dist(*two) for two in pairwise(places)) / path.speed_m_s
+    return DETOUR * sum(math.dist(*two) for two in pairwise(places))

@@ -9,6 +9,7 @@ from .close_ground import ClosePatch as ClosePatch
 from .close_ground import close_loss as close_loss
 from .close_ground import close_patches as close_patches
 from .close_ground import close_pixel as close_pixel
+from .close_ground import pixel_beside as pixel_beside
 from .dome import dome_image as dome_image
 from .dome import dome_level as dome_level
 from .ground_mesh import cell_bands as cell_bands

@@ -39,11 +39,16 @@ class ClosePatch:
 
 
 def close_pixel(world: World, within: float) -> float:
-    """Size of the pixels of the ground up to `within` [m] from a world's paths [m].
+    """Size of the pixels of the ground up to `within` [m] from a world's paths [m]."""
+    length = sum(_length_within(path, world.ground.bounds, within) for path in world.trajectories)
+    return pixel_beside(length, within)
+
+
+def pixel_beside(length: float, within: float) -> float:
+    """Size of the pixels of the ground up to `within` [m] from so many metres of paths [m].
 
     It is 4 mm, or coarser where that would be more than 2²⁴ of them.
     """
-    length = sum(_length_within(path, world.ground.bounds, within) for path in world.trajectories)
     return max(FINEST, math.sqrt(2.0 * within * length / _MOST))
 
 

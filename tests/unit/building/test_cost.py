@@ -5,12 +5,27 @@ from dataclasses import replace
 
 import pytest
 
-from terrain_forge.building.cost import DETOUR, DRIVING, FARTHEST, learn, pace, stage_seconds
+from terrain_forge.building.cost import (
+    DETOUR,
+    DRIVING,
+    FARTHEST,
+    _exported,
+    learn,
+    pace,
+    stage_seconds,
+)
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.pipeline import check
-from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
+from terrain_forge.recipe import (
+    DriveSpec,
+    Recipe,
+    TerrainSpec,
+    TilesSpec,
+    ValidateSpec,
+    export_orders,
+)
 
 
 def test_pace_is_measured_once_for_each_machine(tmp_path, monkeypatch):
@@ -93,3 +108,34 @@ def test_a_path_faster_than_the_rover_is_warned_of():
     told = check(planned(100.0, 0.1))
     warned = [line.split(maxsplit=1)[1] for line in told if "warning" in line]
     assert warned == ["0: 100 m/s, the rover morpheus drives at 1 m/s at most"]
+
+
+@pytest.mark.parametrize(
+    ("goal", "tiles", "seconds", "megabytes"),
+    [
+        ((9.0, 0.0), None, 0.5, 0.8),  # 0.6 m beside 16 m, in pixels of 4 mm
+        ((490.0, 0.0), None, 7.0, 12.0),  # 2^24 pixels
+        ((490.0, 0.0), 20.0, 25.0, 31.0),  # all of the ground's 4 mm, and each tile made again
+        ((490.0, 0.0), 4000.0, 11.0, 12.0),
+    ],
+)
+def test_what_is_drawn_near_paths_is_in_the_estimate(
+    goal, tiles, seconds, megabytes, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    route = Planned(start_m=(-4.0, 0.0), goal_m=goal)
+    recipe = replace(
+        planned(),
+        dtm=FlatDtm(size_m=(1000.0, 20.0)),
+        paths=(PathSpec(name="far", route=route, speed_m_s=0.1),),
+        tiles=TilesSpec(size_m=tiles) if tiles else None,
+    )
+    site = plan(recipe)
+    found = []
+    for within in (0.0, 0.6):
+        orders = export_orders(replace(recipe, exports={"usd": {"close_within_m": within}}))
+        size = _exported(orders, site)
+        found.append((stage_seconds(site, orders)["writing"] / pace(), size))
+    (none, before), (near, after) = found
+    assert near - none == pytest.approx(seconds, rel=0.3)
+    assert after - before == pytest.approx(1e6 * megabytes, rel=0.3)
