@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import DataError, OutputError, read_arrays, reading
+from terrain_forge.base import read_arrays
 from terrain_forge.making import horizon_around
 from terrain_forge.model import Appearance, Heightfield, Horizon, Tile, TileGrid, World
 from terrain_forge.terrain import Border, joined_strips
-from terrain_forge.tiling.order import TileOrder
+from terrain_forge.tiling.order import TileOrder, reading_of_tile
 
 FILE = "border.npz"
 """A tile's strips, in its folder."""
@@ -97,23 +97,17 @@ def _sides(grid: TileGrid, number: int) -> dict[str, tuple[slice, slice]]:
 def _read(order: TileOrder, world: World, side: str, number: int) -> tuple[Heightfield, Appearance]:
     """A tile's part of a strip, and its looks."""
     path, site, window = order.folder(number) / FILE, order.site, order.grid.window(number)
-    try:
-        with reading(FILE):
-            arrays = read_arrays(path)
-            heights, rgb = (arrays[f"{side}_{what}"] for what in ("heights", "rgb"))
-            nodes = _sides(order.grid, number)[side]
-            wanted = np.empty((window.rows + 1, window.columns + 1), np.bool_)[nodes].shape
-            if heights.shape != wanted:
-                raise ValueError(f"{heights.shape} nodes, not {wanted}")
-            material = arrays.get(f"{side}_material")
-            looks = world.appearance.replace(ground_rgb=rgb, material=material, drift=None)
-            rows, columns = heights.shape
-            row = window.row + (window.rows + 1 - rows if side == "north" else 0)
-            column = window.column + (window.columns + 1 - columns if side == "east" else 0)
-            corner = site.west + column * site.spacing, site.south + row * site.spacing
-            return Heightfield(elevation=heights, spacing=site.spacing, origin=corner), looks
-    except (DataError, KeyError, ValueError) as error:
-        raise OutputError(
-            f"{path} is damaged ({error}): move {path.parent} away, and build again, which makes "
-            "it anew"
-        ) from None
+    with reading_of_tile(path, path.parent):
+        arrays = read_arrays(path)
+        heights, rgb = (arrays[f"{side}_{what}"] for what in ("heights", "rgb"))
+        nodes = _sides(order.grid, number)[side]
+        wanted = np.empty((window.rows + 1, window.columns + 1), np.bool_)[nodes].shape
+        if heights.shape != wanted:
+            raise ValueError(f"{heights.shape} nodes, not {wanted}")
+        material = arrays.get(f"{side}_material")
+        looks = world.appearance.replace(ground_rgb=rgb, material=material, drift=None)
+        rows, columns = heights.shape
+        row = window.row + (window.rows + 1 - rows if side == "north" else 0)
+        column = window.column + (window.columns + 1 - columns if side == "east" else 0)
+        corner = site.west + column * site.spacing, site.south + row * site.spacing
+        return Heightfield(elevation=heights, spacing=site.spacing, origin=corner), looks

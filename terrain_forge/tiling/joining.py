@@ -28,7 +28,7 @@ from terrain_forge.model import (
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
 from terrain_forge.tiling.making import digest_of, tile_of, world_of
-from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder
+from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder, reading_of_tile
 from terrain_forge.truth import MATERIALS, merge_materials, write_merged
 from terrain_forge.writers import write_vrt
 
@@ -151,7 +151,9 @@ def _join_truth(order: TileOrder) -> None:
     truth = order.out / "truth"
     for one in sorted((order.folder(0) / "truth").glob("*.tif")):
         parts = [(window, f"../{folder}/truth/{one.name}") for window, folder in tiles]
-        with open_dataset(one) as raster:
+        with reading_of_tile(one, order.folder(0)):
+            raster = open_dataset(one)
+        with raster:
             path = truth / f"{one.stem}.vrt"
             write_vrt(path, parts, order.site, order.grid, like=raster)
     if (order.folder(0) / "truth" / MATERIALS).is_file():

@@ -8,7 +8,8 @@ OUT/tiles/ROW/COLUMN/            the files of a tile, with tile.json; whole or n
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
@@ -55,6 +56,22 @@ MOST = 2**30
 """Bytes of a site's JSON."""
 TILED = "geotiff", "usd", "glb", "sdf"
 """Exporters of ours that write tile by tile."""
+
+
+@contextmanager
+def reading_of_tile(path: Path, folder: Path) -> Iterator[None]:
+    """Within it a file of a tile is read; tells what to do where that is damaged.
+
+    Raises:
+        OutputError: names the tile's folder, which may be moved away.
+    """
+    try:
+        with reading(path.name):
+            yield
+    except DataError as error:
+        raise OutputError(
+            f"{path} is damaged ({error}): move {folder} away, and build again, which makes it anew"
+        ) from None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,7 @@ from terrain_forge.base import (
     reading,
     to_plain,
 )
+from terrain_forge.dtm import open_dataset
 from terrain_forge.making import make_ground
 from terrain_forge.model import Route, Site, TileGrid, Trajectory, Window, World
 from terrain_forge.paths import (
@@ -40,7 +41,7 @@ from terrain_forge.paths import (
 )
 from terrain_forge.rovers import rover_of
 from terrain_forge.tiling.making import world_of
-from terrain_forge.tiling.order import FOLDER, MOST, TileOrder
+from terrain_forge.tiling.order import FOLDER, MOST, TileOrder, reading_of_tile
 from terrain_forge.truth import rate_world, write_surroundings
 
 _ROUTES = "routes.json", "routes.npz"
@@ -240,9 +241,9 @@ class FarGround:
 
 def costs_of(order: TileOrder) -> Iterator[tuple[int, int, NDArray[np.float32]]]:
     """Row and column of each tile's first node, and the costs of its nodes."""
-    import rasterio
-
     for number in range(len(order.grid)):
-        window = order.grid.window(number)
-        with rasterio.open(order.folder(number) / "truth/cost.tif") as raster:
-            yield window.row, window.column, raster.read(1)[::-1]
+        window, folder = order.grid.window(number), order.folder(number)
+        path = folder / "truth/cost.tif"
+        with reading_of_tile(path, folder), open_dataset(path) as raster:
+            costs = raster.read(1)[::-1]
+        yield window.row, window.column, costs

@@ -271,7 +271,7 @@ def test_sensors_that_see_nothing_are_refused(scenery):
     seeing = [sensor for sensor in world.rover.sensors if sensor.kind != "imu"]
     check_mounts(setting, seeing)
     inside = seeing[0].replace(position_m=(0.0, 0.0, 0.3))
-    with pytest.raises(RecipeError, match=r"inside a box of the rover's link 'base_link'.*\[0, "):
+    with pytest.raises(RecipeError, match=r"inside a box of the rover's link 'base_link'"):
         check_mounts(setting, [inside])
     with pytest.raises(RecipeError, match=r"or, where that is its housing, give it near_m: 0\.\d+"):
         check_mounts(setting, [inside])

@@ -160,7 +160,13 @@ def test_an_empty_row_is_a_tile_that_is_missing(copied):
 
 
 @pytest.mark.parametrize(
-    "name", ["tiles/001/002/geotiff/overview.npz", "tiles/000/001/map.png", "site/routes.json"]
+    "name",
+    [
+        "tiles/001/002/geotiff/overview.npz",
+        "tiles/000/001/map.png",
+        "site/routes.json",
+        "tiles/000/000/truth/step.tif",
+    ],
 )
 def test_a_build_names_a_damaged_file_that_it_wants(copied, recipe, name):
     if not (copied / name).exists():
