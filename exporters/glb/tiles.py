@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, image_rows
+from terrain_forge.base import image_rows
 from terrain_forge.geometry import (
     ClosePatch,
     GroundLevel,
@@ -65,15 +65,12 @@ from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, pa
 from .options import Options
 from .pebbles import write_pebbles
 from .rocks import node_texts, rock_meshes
+from .tileset import Box, write_tileset
 
 LEVELS = {"full": 1, "quarter": 4, "sixteenth": 16}
 """Names of the levels of detail, and cells of the ground to one of theirs, each way."""
 HORIZON = "horizon.glb"
-_BLOCK = 16
-"""Tiles each way of which a tileset has a file of its own, where there are more."""
 _NONE = np.empty(0, np.int32)
-Box = tuple[Array, Array]
-"""Lowest and highest corner [m]."""
 
 
 def export_tile(tile: Tile, directory: Path, *, grid: TileGrid, options: Options) -> dict[str, Any]:
@@ -160,18 +157,7 @@ def _write_level(
         gltf.add("meshes", {"name": "ground", "primitives": primitives})
         nodes: list[dict[str, Any]] = [{"name": "ground", "mesh": 0}]
         fine = np.isin(rocks.id, near)
-        for population, some in grouped(rocks.select(~fine)):
-            rgb = lightest_rock_colour(tile.world, population).tolist()
-            parts = coloured_parts(some, shapes, local)
-            for number, (vertices, normals, faces, colours) in enumerate(parts):
-                name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
-                places = vertices.astype(np.float32)
-                piece = gltf.add_primitive(places, normals, gltf.add_indices(faces))
-                piece["attributes"]["COLOR_0"] = gltf.add_colours(colours)
-                piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
-                mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
-                nodes.append({"name": name, "mesh": mesh})
-                boxes.append(_box(places))
+        boxes += _add_merged(gltf, nodes, rocks.select(~fine), shapes, local)
         single = rocks.select(fine)
         if len(single):
             levels = np.where(np.isin(single.id, close), CLOSE, 0)
@@ -180,6 +166,26 @@ def _write_level(
             nodes += json.loads(f"[{','.join(node_texts(single, meshes))}]")
         _write_asset(gltf, path, nodes, transforms=bool(patches))
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def _add_merged(
+    gltf: Gltf, nodes: list[dict[str, Any]], rocks: RockField, shapes: list[Mesh], local: World
+) -> list[Box]:
+    """Add rocks as one mesh or a few for each population, and their nodes; returns their boxes."""
+    boxes = []
+    for population, some in grouped(rocks):
+        rgb = lightest_rock_colour(local, population).tolist()
+        parts = coloured_parts(some, shapes, local)
+        for number, (vertices, normals, faces, colours) in enumerate(parts):
+            name = f"rocks_{rocks.populations[population]}{f'_{number}' if number else ''}"
+            places = vertices.astype(np.float32)
+            piece = gltf.add_primitive(places, normals, gltf.add_indices(faces))
+            piece["attributes"]["COLOR_0"] = gltf.add_colours(colours)
+            piece["material"] = gltf.add("materials", matt(name, rgb=rgb))
+            mesh = gltf.add("meshes", {"name": name, "primitives": [piece]})
+            nodes.append({"name": name, "mesh": mesh})
+            boxes.append(_box(places))
+    return boxes
 
 
 def _write_asset(
@@ -214,9 +220,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         _write_horizon(horizon, directory / HORIZON)
     near = _write_near(tiled, directory, options)
     by_place = {(tile.row, tile.column): near.tiles.get(tile.number, tile) for tile in tiled.tiles}
-    many = max(tiled.grid.across, tiled.grid.up) > _BLOCK
-    root = _node(by_place, tiled.grid, (0, tiled.grid.up), (0, tiled.grid.across), directory, many)
-    _write(directory / "tileset.json", root)
+    write_tileset(by_place, tiled.grid, directory)
     errors: dict[str, float] = {}
     for tile in tiled.tiles:
         for name, error in tile.figures["errors"].items():
@@ -315,94 +319,3 @@ def _write_horizon(horizon: Horizon, path: Path) -> None:
         piece = SharedParts(gltf, None).beyond(horizon)
         gltf.add("meshes", {"name": "horizon", "primitives": [piece]})
         _write_asset(gltf, path, [{"name": "horizon", "mesh": 0}])
-
-
-def _write(path: Path, root: dict[str, Any]) -> None:
-    tileset = {
-        "asset": {"version": "1.1", "generator": "terrain-forge"},
-        "geometricError": root["geometricError"],
-        "root": root,
-    }
-    path.write_text(json.dumps(tileset, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def _node(
-    tiles: dict[tuple[int, int], BuiltTile],
-    grid: TileGrid,
-    rows: tuple[int, int],
-    columns: tuple[int, int],
-    directory: Path,
-    many: bool,
-) -> dict[str, Any]:
-    """The box of a rectangle of tiles with what it holds; nothing of its own is shown."""
-    up, across = rows[1] - rows[0], columns[1] - columns[0]
-    if up == across == 1:
-        return _chain(tiles[rows[0], columns[0]])
-    own_file = many and max(up, across) <= _BLOCK
-    parts = [
-        _node(tiles, grid, some, others, directory, many and not own_file)
-        for some in _halves(*rows)
-        for others in _halves(*columns)
-    ]
-    low = np.min([_corners(part)[0] for part in parts], axis=0)
-    high = np.max([_corners(part)[1] for part in parts], axis=0)
-    node = {
-        "boundingVolume": _volume(low, high),
-        "geometricError": float(np.hypot(*(high - low)[:2])),
-        "refine": "REPLACE",
-        "children": parts,
-    }
-    if not own_file:
-        return node
-    name = f"tileset_{rows[0]:03}_{columns[0]:03}.json"
-    _write(directory / name, node)
-    return {
-        "boundingVolume": node["boundingVolume"],
-        "geometricError": node["geometricError"],
-        "refine": "REPLACE",
-        "content": {"uri": name},
-    }
-
-
-def _halves(first: int, end: int) -> list[tuple[int, int]]:
-    """A range in two, at a multiple of the largest power of two within it."""
-    length = end - first
-    if length == 1:
-        return [(first, end)]
-    half = 1
-    while 2 * half < length:
-        half *= 2
-    return [(first, first + half), (first + half, end)]
-
-
-def _chain(tile: BuiltTile) -> dict[str, Any]:
-    """A tile's levels of detail, the coarsest outermost; it lies at its anchor."""
-    anchor = np.array(tile.figures["anchor"])
-    low, high = (np.array(corner) for corner in tile.figures["box"])
-    node, contents = dict[str, Any](), tile.figures.get("contents", {})
-    for name, error in tile.figures["errors"].items():  # the finest first
-        finer = [node] if node else []
-        node = {
-            "boundingVolume": _volume(low, high),
-            "geometricError": max([error, *(part["geometricError"] for part in finer)]),
-            "refine": "REPLACE",
-            "content": {"uri": contents.get(name, f"{tile.folder}/{name}.glb")},
-            **({"children": finer} if finer else {}),
-        }
-    turned = np.eye(4)
-    turned[3, :3] = anchor  # column by column
-    return {**node, "transform": turned.ravel().tolist()}
-
-
-def _volume(low: Array, high: Array) -> dict[str, Any]:
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    axes = np.diag(np.maximum(half, 1e-6)).ravel().tolist()
-    return {"box": [*middle.tolist(), *axes]}
-
-
-def _corners(node: dict[str, Any]) -> Box:
-    """The corners of a node's box in its parent's frame."""
-    box = np.array(node["boundingVolume"]["box"])
-    half = np.diag(box[3:].reshape(3, 3))
-    shift = np.array(node["transform"])[12:15] if "transform" in node else np.zeros(3)
-    return box[:3] - half + shift, box[:3] + half + shift

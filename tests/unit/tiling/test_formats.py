@@ -308,7 +308,7 @@ def test_levels_of_both_formats_are_as_much_off_as_their_rocks_are(built):
 
 def test_losses_of_tiles_tell_what_they_leave_out(built):
     exports = json.loads((built / "manifest.json").read_text())["exports"]
-    assert any("no maps of fine normals" in line for line in exports["glb"]["losses"])
+    assert any("no map of fine normals" in line for line in exports["glb"]["losses"])
     assert not any("of paths" in line for kind in exports.values() for line in kind["losses"])
 
 
@@ -375,7 +375,8 @@ def test_ground_of_tiles_is_fine_near_paths(near):
                 ]
                 assert len(files) == 2
                 assert all(Path(one.resolvedPath).is_file() for one in files)
-        assert (shown == close.any()).all()  # Blender shows any look where a face has none
+        # Blender shows any look where a face has none of its own.
+        assert np.isin(shown, [1] if close.any() else [0, 1]).all()
         away = line.query(middles)[0]
         assert close[away < NEAR - 0.4].all()
         assert not close[away > NEAR + 0.4].any()
