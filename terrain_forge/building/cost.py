@@ -164,7 +164,7 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     recipe = site.recipe
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
-    exported = _exported(orders, site)
+    exported = exported_bytes(orders, site)
     written = 1.4 + nodes / 3.7e5 + rocks / 4e4 + EXPORT * len(orders) + exported * WRITING
     read = 1.6 + nodes / 4.2e5 + exported * READING
     watched = min(dynamic, validation.MOST_WATCHED) * WATCHING if dynamic else 0.0
@@ -198,7 +198,7 @@ def export_bytes(order: ExportOrder, site: Site) -> float:
     return float(each_node * expected_nodes(recipe) + each_rock * rocks_of(site))
 
 
-def _exported(orders: Sequence[ExportOrder], site: Site) -> float:
+def exported_bytes(orders: Sequence[ExportOrder], site: Site) -> float:
     """Bytes of all exports."""
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
     each_texel = sum(getattr(order.options, "bytes_each_texel", 0) for order in orders)
@@ -256,7 +256,7 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
-    exported = _exported(orders, site)
+    exported = exported_bytes(orders, site)
     disk = WORLD_SIZE + _sum(WORLD_SIZES, (nodes, rocks)) + _site_bytes(site) + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "

@@ -9,7 +9,7 @@ from terrain_forge.building.cost import (
     DETOUR,
     DRIVING,
     FARTHEST,
-    _exported,
+    exported_bytes,
     learn,
     pace,
     stage_seconds,
@@ -134,7 +134,7 @@ def test_what_is_drawn_near_paths_is_in_the_estimate(
     found = []
     for within in (0.0, 0.6):
         orders = export_orders(replace(recipe, exports={"usd": {"close_within_m": within}}))
-        size = _exported(orders, site)
+        size = exported_bytes(orders, site)
         found.append((stage_seconds(site, orders)["writing"] / pace(), size))
     (none, before), (near, after) = found
     assert near - none == pytest.approx(seconds, rel=0.3)
