@@ -40,6 +40,20 @@ class Snapshot(NamedTuple):
     """Angles of the passive joints [rad], shape [joints]."""
 
 
+def pushes(data: Any, wheel_of: NDArray[np.int64], count: int) -> Array:
+    """Sums of the normal forces at the contacts of each of so many wheels [N], shape [wheels, 3].
+
+    `wheel_of` is the number of the wheel of each of MuJoCo's geoms, -1 for the others.
+    """
+    contact, found = data.contact, np.zeros((count, 3))
+    for side, sign in ((0, -1.0), (1, 1.0)):  # a normal points to the second geom
+        wheel = wheel_of[contact.geom[:, side]]
+        held = np.flatnonzero((wheel >= 0) & (contact.efc_address >= 0))
+        forces = sign * data.efc_force[contact.efc_address[held]]
+        np.add.at(found, wheel[held], forces[:, None] * contact.frame[held, :3])
+    return found
+
+
 def wheel_states(
     taken: Sequence[Snapshot], *, sides: Array, radii: Array
 ) -> dict[str, NDArray[Any]]:

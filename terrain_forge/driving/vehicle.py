@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, SimulationError, portable
 from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.log import Logger
-from terrain_forge.driving.snapshot import Snapshot, wheel_states
+from terrain_forge.driving.snapshot import Snapshot, pushes, wheel_states
 from terrain_forge.model import Rover
 
 _PAIR_LIMIT = 50
@@ -118,7 +118,6 @@ class Vehicle:
         of_body[self._wheel_bodies] = np.arange(len(self._wheel_bodies))
         self._wheel_of = of_body[model.geom_bodyid]
         """Number of the wheel of each geom, -1 for the others."""
-        self._is_wheel = self._wheel_of >= 0
         self._kind = _ROCK * is_rock + _ROVER * self._is_rover
 
     def _find(self, kind: Any, name: str) -> int:
@@ -353,23 +352,12 @@ class Vehicle:
             centre=data.subtree_com[body].copy(),
             moving=data.cvel[wheels],
             wheel=data.xpos[wheels],
-            push=self._pushes(),
+            push=pushes(data, self._wheel_of, len(wheels)),
             axle=data.xaxis[self._axles],
             rate=data.qvel[self.axle_rates],
             torque=data.actuator_force[self.motors],
             joint_angle=data.qpos[self._angles],
         )
-
-    def _pushes(self) -> Array:
-        """Sums of the normal forces at the contacts of each wheel [N], shape [wheels, 3]."""
-        data, found = self.data, np.zeros((len(self._wheel_bodies), 3))
-        contact = data.contact
-        for side, sign in ((0, -1.0), (1, 1.0)):  # a normal points to the second geom
-            wheel = self._wheel_of[contact.geom[:, side]]
-            held = np.flatnonzero((wheel >= 0) & (contact.efc_address >= 0))
-            forces = sign * data.efc_force[contact.efc_address[held]]
-            np.add.at(found, wheel[held], forces[:, None] * contact.frame[held, :3])
-        return found
 
     def states(self, taken: Sequence[Snapshot]) -> dict[str, NDArray[Any]]:
         """What rover and wheels did at some moments, as `DriveResult` names it."""
@@ -387,7 +375,7 @@ class Vehicle:
             name = self._rocks[one] or self._rocks[other]
             mujoco.mj_contactForce(self.model, data, contact, wrench)
             force, by_body = forces.get(name, (0.0, False))
-            by_wheel = self._is_wheel[one] or self._is_wheel[other]
+            by_wheel = max(self._wheel_of[one], self._wheel_of[other]) >= 0
             forces[name] = max(force, float(wrench[0])), bool(by_body or not by_wheel)
         return forces
 

@@ -34,7 +34,7 @@ from terrain_forge.rovers.expressions import Scope, Value, evaluate
 from terrain_forge.rovers.macros import expand_xacro
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rig import carried
-from terrain_forge.rovers.rolling import link_frames, make_rover
+from terrain_forge.rovers.rolling import make_rover
 from terrain_forge.rovers.substitution import Substitution
 from terrain_forge.rovers.urdf import read_urdf
 
@@ -229,10 +229,9 @@ def build_rover(choice: BuiltInRover) -> FoundRover:
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
         reading |= filled(told.reading)
-        spec = _adapter(FileRover).validate_python(reading)
-        rover = make_rover(assembly, spec)
+        rover, frames = make_rover(assembly, _adapter(FileRover).validate_python(reading))
         links = {link.name for link in rover.links}  # what is fixed to them is no name of ours
-        frames = {n: pose for n, pose in link_frames(assembly, spec).items() if n in links}
+        frames = {name: frame for name, frame in frames.items() if name in links}
         sensors = tuple(_sensor(filled(sensor)) for sensor in told.sensors)
         lost = {sensor.link for sensor in sensors} - {"", *links}
         if lost:

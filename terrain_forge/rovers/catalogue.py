@@ -22,7 +22,7 @@ from terrain_forge.rovers.custom import FileRover, FoundRover
 from terrain_forge.rovers.macros import expand_trusted, expand_xacro
 from terrain_forge.rovers.packages import Packages
 from terrain_forge.rovers.rig import with_sensors
-from terrain_forge.rovers.rolling import link_frames, make_rover
+from terrain_forge.rovers.rolling import make_rover
 from terrain_forge.rovers.urdf import read_urdf
 
 if TYPE_CHECKING:
@@ -151,11 +151,8 @@ def _read_rover(spec: FileRover, folder: Path) -> FoundRover:
         file = folder / spec.file
         given = {name: folder / place for name, place in spec.packages.items()}
         assembly, files = _read(spec, file, Packages(given, file))
-        return FoundRover(
-            rover=make_rover(assembly, spec),
-            files=tuple(dict.fromkeys(files)),
-            frames=link_frames(assembly, spec),
-        )
+        rover, frames = make_rover(assembly, spec)
+        return FoundRover(rover=rover, files=tuple(dict.fromkeys(files)), frames=frames)
 
 
 def _read(spec: FileRover, file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:

@@ -6,8 +6,9 @@ import numpy as np
 
 from terrain_forge.base import Array, portable, rpy_from_matrix
 from terrain_forge.model import Link
-from terrain_forge.rovers.assembly import Body
+from terrain_forge.rovers.assembly import Body, placed
 from terrain_forge.rovers.bounds import FileError
+from terrain_forge.rovers.custom import Frame
 from terrain_forge.rovers.tread import Tread
 
 _ROUNDING = 1e-12
@@ -23,8 +24,12 @@ def _steiner(arm: Array) -> Array:
 
 def make_links(
     bodies: list[Body], wheels: set[str], passive: set[str], treads: dict[str, Tread]
-) -> tuple[list[Link], list[str]]:
-    """Links, parents before children, and what is said about them."""
+) -> tuple[list[Link], dict[str, Frame], list[str]]:
+    """Links, parents before children, the frames of the file's links, and what is said of them.
+
+    A frame goes by the name of its link in the file: which link of the rover carries it, and its
+    pose there.
+    """
     moving = wheels | passive
     group: dict[str, str] = {}
     for body in bodies:
@@ -39,7 +44,17 @@ def make_links(
             link = link.replace(parent=called(parent), origin=places[name] - places[parent])
         links.append(link)
         notes += said
-    return links, notes
+    frames = {
+        body.name: (called(group[body.name]), _frame(body, places[group[body.name]]))
+        for body in bodies
+    }
+    return links, frames, notes
+
+
+def _frame(body: Body, origin: Array) -> Array:
+    """The frame that the file gives a body, beside the origin of the link that carries it."""
+    shift = placed(-origin, np.eye(3))
+    return portable.product(portable.product(shift, body.placement), body.told)
 
 
 def called(name: str) -> str:

@@ -14,7 +14,7 @@ from terrain_forge.model import Coupling, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
 from terrain_forge.rovers.belly import measure_belly
 from terrain_forge.rovers.custom import FileRover, Frame
-from terrain_forge.rovers.links import called, make_links
+from terrain_forge.rovers.links import make_links
 from terrain_forge.rovers.tread import Tread, measure_tread
 
 _UPRIGHT = 0.7
@@ -32,8 +32,8 @@ _HEADINGS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, -1.0), "-y": (0.0, 1
 """Cosine and sine of the turn that brings an axis forward."""
 
 
-def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
-    """The rover that an assembly is.
+def make_rover(assembly: Assembly, spec: FileRover) -> tuple[Rover, dict[str, Frame]]:
+    """The rover that an assembly is, and where the frames of the file's links are, by name.
 
     Bodies that nothing moves become one link with what they are fixed to. The frame of base_link is
     x forward, y left, z up, its origin on the ground amid the driven wheels.
@@ -46,7 +46,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
     wheels, free_wheels = machine.find_wheels()
     passive = machine.find_passive(wheels, free_wheels)
     bodies, treads = machine.stand(wheels)
-    links, notes = make_links(bodies, wheels, passive, treads)
+    links, frames, notes = make_links(bodies, wheels, passive, treads)
     held = machine.held(wheels | passive)
     steering = machine.steering(wheels | free_wheels)
     if held:
@@ -65,7 +65,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         step_limit=spec.step_limit_m,
     )
     mass = sum(link.mass for link in links)
-    return Rover(
+    rover = Rover(
         name=assembly.name,
         links=tuple(links),
         wheels=tuple(
@@ -84,28 +84,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> Rover:
         notes=(*notes, *assembly.notes),
         unread=tuple(machine.unread(wheels, passive)),
     )
-
-
-def link_frames(assembly: Assembly, spec: FileRover) -> dict[str, Frame]:
-    """The file's links by name: which link of the rover carries each, and its frame there.
-
-    Raises:
-        DataError: as `make_rover`.
-    """
-    machine = _Machine(assembly, spec)
-    wheels, free_wheels = machine.find_wheels()
-    moving = wheels | machine.find_passive(wheels, free_wheels)
-    bodies, _ = machine.stand(wheels)
-    carrier: dict[str, str] = {}
-    origins = {"": np.zeros(3), **{b.name: b.placement[:3, 3] for b in bodies}}
-    frames = {}
-    for body in bodies:
-        own = body.name if body.name in moving else carrier.get(body.parent, "")
-        carrier[body.name] = own
-        shift = placed(-origins[own], np.eye(3))
-        pose = portable.product(portable.product(shift, body.placement), body.told)
-        frames[body.name] = (called(own), pose)
-    return frames
+    return rover, frames
 
 
 def _listed(names: list[str]) -> str:

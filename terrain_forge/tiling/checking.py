@@ -26,7 +26,7 @@ from terrain_forge.tiling.joining import (
     REPORT,
     TABLE,
     added_files,
-    altered_files,
+    faults_of_files,
     read_site,
     read_tile,
 )
@@ -59,7 +59,7 @@ def check_tile(out: str, number: int) -> list[str]:
         files: dict[str, str] = read_tile(order, number)["files"]
     except OutputError:
         return [f"{place}/{TILE} is damaged"]
-    found = [f"{place}/{told}" for told in altered_files(folder, files)]
+    found = [f"{place}/{told}" for told in faults_of_files(folder, files)]
     there = foreign_files(folder, {})
     return found + [f"{place}/{name} was added" for name in there if name not in {*files, TILE}]
 
@@ -105,11 +105,10 @@ def _judge(order: TileOrder, bad: set[str]) -> bool:
     """Write the report; whether all is as it was built."""
     out = order.out
     checks = [_check("tiles", bad, "files of tiles and of the whole that are not as built")]
-    told_of = {place.rpartition(verb)[0] for place in bad for verb in (" is ", " was ")}
-    if _COUNTS not in told_of:
+    if not _is_amiss(_COUNTS, bad):
         pairs = json.loads((out / _COUNTS).read_text("utf-8"))["overlaps"]["pairs"]
         checks.append(at_most("overlapping rocks", pairs, 0, note="pairs, also across borders"))
-    if DRIVE not in told_of:
+    if not _is_amiss(DRIVE, bad):
         checks += checks_of_drive(order)
     report = {
         "format": FORMAT,
@@ -121,6 +120,10 @@ def _judge(order: TileOrder, bad: set[str]) -> bool:
         (out / REPORT).parent.mkdir(exist_ok=True)
         (out / REPORT).write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     return all(check.passed for check in checks)
+
+
+def _is_amiss(name: str, bad: set[str]) -> bool:
+    return any(told.startswith(f"{name} ") for told in bad)
 
 
 def _check(name: str, bad: set[str], what: str) -> Check:
@@ -150,7 +153,7 @@ def _of_site(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     bad = [f"{name} was added" for name in added_files(order, manifest)]
     if wrong := order.site.misstated(manifest):
         bad.append(f"{MANIFEST} is damaged ({', '.join(wrong)})")
-    bad += altered_files(order.out, manifest["outputs"])
+    bad += faults_of_files(order.out, manifest["outputs"])
     table = order.out / FOLDER / TABLE
     try:
         lines = read_text(table, TABLE, most=MOST).splitlines()[1:] if table.exists() else []

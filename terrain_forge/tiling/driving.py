@@ -14,7 +14,7 @@ from terrain_forge.base import OutputError, SimulationError, Stopwatch
 from terrain_forge.model import Check, Trajectory, exporter, failed
 from terrain_forge.recipe import DriveSpec
 from terrain_forge.rovers import rover_of
-from terrain_forge.tiling.joining import altered_files, read_site
+from terrain_forge.tiling.joining import faults_of_files, read_site
 from terrain_forge.tiling.making import world_of
 from terrain_forge.tiling.order import STAGING, TileOrder
 from terrain_forge.tiling.routing import Land, reach_of
@@ -103,7 +103,7 @@ def _is_altered(order: TileOrder) -> bool:
     except OutputError:  # it was not, or nobody knows
         return False
     drive = {name: wanted for name, wanted in listed.items() if name.startswith(_FILES)}
-    return bool(altered_files(order.out, drive))
+    return bool(faults_of_files(order.out, drive))
 
 
 def checks_of_drive(order: TileOrder) -> list[Check]:

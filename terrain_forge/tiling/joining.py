@@ -186,7 +186,7 @@ def added_files(order: TileOrder, manifest: dict[str, Any]) -> list[str]:
     return [name for name in found if "/".join(name.split("/")[:3]) not in tiles]
 
 
-def altered_files(folder: Path, listed: Mapping[str, str]) -> list[str]:
+def faults_of_files(folder: Path, listed: Mapping[str, str]) -> list[str]:
     """What is amiss with files of a folder, of which a list has the hashes."""
     found = []
     for name, wanted in listed.items():
