@@ -68,9 +68,9 @@ def write_geotiff(
         ),
     }
     coloured = grid.ndim == 3 and isinstance(description, str)
-    told = [description] * 3 if isinstance(description, str) else description
     tags |= {f"TERRAIN_FORGE_CLASS_{n}": name for n, (name, _) in enumerate(classes)}
     bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
+    told = [description] * bands.shape[2] if isinstance(description, str) else description
     west, _, _, north = world_ground.bounds
     profile: dict[str, Any] = {
         "width": grid.shape[1],
@@ -89,16 +89,17 @@ def write_geotiff(
         # In memory first: on a full disk GDAL prints, and does not always raise.
         with MemoryFile() as memory:
             with memory.open(**profile) as file:
-                for band in range(bands.shape[2]):
-                    file.write(np.ascontiguousarray(bands[..., band]), band + 1)
-                    file.set_band_description(band + 1, told[band])
-                    file.set_band_unit(band + 1, units)
+                # Before the values: what comes after them makes GDAL write the CRS once more.
+                file.update_tags(AREA_OR_POINT="Area", **tags)
+                for band, text in enumerate(told, start=1):
+                    file.set_band_description(band, text)
+                    file.set_band_unit(band, units)
                 if coloured:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
                 if classes:
                     colours = [tuple(round(255 * part) for part in rgb) for _, rgb in classes]
                     file.write_colormap(1, {n: (*c, 255) for n, c in enumerate(colours)})
-                file.update_tags(AREA_OR_POINT="Area", **tags)
+                file.write(np.ascontiguousarray(np.moveaxis(bands, -1, 0)))
             path.write_bytes(memory.getbuffer())
 
 
