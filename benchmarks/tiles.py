@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import terrain_forge as tf
-from terrain_forge.building import chosen_exports
+from terrain_forge.building import chosen_exports, holding
 from terrain_forge.tiling import begin_site, make_tile, order_tiles, save_order
 
 
@@ -31,8 +31,9 @@ def main() -> None:
     begin = time.perf_counter(), time.process_time()
     site = tf.plan(file.recipe, folder=file.folder)
     order = order_tiles(site, out, chosen_exports(file.recipe, None))
-    save_order(order)
-    begin_site(order)
+    with holding(out):
+        save_order(order)
+        begin_site(order)
     tell("plan", begin, f"{len(order.grid)} tiles")
     middle = order.grid.up // 2 * order.grid.across + order.grid.across // 2
     for number in range(middle, middle + given.tiles):

@@ -72,6 +72,12 @@ CALIBRATED = 0.021
 """How long the machine of the rates takes for the work of `pace` [s]."""
 DETOUR = 1.2
 """Length of a planned path over that of the straight lines between its places."""
+TILE, TILE_WRITING = (0.3, 1.3e-6, 6e-5, 0.12), 5e-9
+"""Processor time of a tile, of each of its nodes, rocks and exports, and to write a byte [s]."""
+TILE_SIZE, TILE_PICTURE = (5e4, 9.5, 210), 8e5
+"""Bytes of a tile, of each of its nodes and rocks but for exports, and of an export's pictures."""
+FAR_PATH, FAR_PLAN = 0.011, 0.015
+"""Time for each metre of a path over tiles, and to find it where it is planned [s]."""
 SERIES_TIME, SERIES_SIZE = (0.12, 1.2e-6, 8e-5), (1.1e6, 30, 100)
 """Time [s] and bytes of one of many worlds but for its exports, and what nodes and rocks add."""
 LIBRARY = "rock library"
@@ -162,6 +168,8 @@ def _keep(slower: float, stages: Mapping[str, float]) -> None:
 def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
     """Time that each stage of a build takes on this machine [s], its kernels being compiled."""
     recipe = site.recipe
+    if recipe.tiles is not None:
+        return calibrated(_tiled_seconds(site, orders))
     nodes, rocks = expected_nodes(recipe), rocks_of(site)
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     exported = exported_bytes(orders, site)
@@ -184,6 +192,31 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
     return calibrated(stages)
 
 
+def _tiled_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
+    """Processor time of the stages of a build in tiles on the machine of the rates [s]."""
+    dynamic = expected_dynamic(site.recipe.rocks.populations, size=site.size)
+    tiles = _tiles_of(site)
+    amounts = tiles, expected_nodes(site.recipe), rocks_of(site), tiles * len(orders)
+    made = _sum(TILE, amounts) + exported_bytes(orders, site) * TILE_WRITING + dynamic * SETTLING
+    planned = sum(map(_planned_length, site.recipe.paths))
+    length = sum(route.length for route in site.routes) + planned
+    return {
+        "plan": 0.45,
+        LIBRARY: _library(site),
+        "tiles": made,
+        "paths across tiles": FAR_PATH * length + FAR_PLAN * planned,
+        "drive": _drives(site),
+        "near paths": _near_paths(orders, site)[0],
+        "joining": 0.5 + 0.025 * tiles,
+    }
+
+
+def _tiles_of(site: Site) -> int:
+    """How many tiles a site has that is built in them."""
+    side = tile_cells(site.recipe) * site.spacing
+    return math.ceil(site.size[0] / side) * math.ceil(site.size[1] / side)
+
+
 def calibrated(stages: Mapping[str, float]) -> dict[str, float]:
     """Time of stages on this machine [s], by that on the machine of the rates."""
     slower, parts = _machine()
@@ -201,10 +234,11 @@ def export_bytes(order: ExportOrder, site: Site) -> float:
 def exported_bytes(orders: Sequence[ExportOrder], site: Site) -> float:
     """Bytes of all exports."""
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
+    pictures = PICTURES if site.recipe.tiles is None else TILE_PICTURE * _tiles_of(site)
     each_texel = sum(getattr(order.options, "bytes_each_texel", 0) for order in orders)
     each = (export_bytes(order, site) for order in orders)
     near = _near_paths(orders, site)[1]
-    return PICTURES * pictured + each_texel * _detail_texels(site) + near + sum(each)
+    return pictures * pictured + each_texel * _detail_texels(site) + near + sum(each)
 
 
 def _near_paths(orders: Sequence[ExportOrder], site: Site) -> tuple[float, float]:
@@ -233,8 +267,7 @@ def _tiles_near(site: Site, length: float, within: float) -> tuple[float, float]
     nodes = min(tile_cells(site.recipe) ** 2, expected_nodes(site.recipe))
     side = tile_cells(site.recipe) * site.spacing
     crossed = length * (4.0 / math.pi * side + 2.0 * within) / side**2
-    there = math.ceil(site.size[0] / side) * math.ceil(site.size[1] / side)
-    return min(len(site.recipe.paths) + crossed, there), nodes
+    return min(len(site.recipe.paths) + crossed, _tiles_of(site)), nodes
 
 
 def _site_bytes(site: Site) -> float:
@@ -258,6 +291,9 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     seconds = sum(stage_seconds(site, orders).values())
     exported = exported_bytes(orders, site)
     disk = WORLD_SIZE + _sum(WORLD_SIZES, (nodes, rocks)) + _site_bytes(site) + exported
+    if recipe.tiles is not None:
+        amounts = _tiles_of(site), nodes, rocks
+        disk = WORLD_SIZE + _sum(TILE_SIZE, amounts) + _site_bytes(site) + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
     if recipe.tiles is not None:

@@ -16,3 +16,4 @@ from .order import order_tiles as order_tiles
 from .order import require_large_tiles as require_large_tiles
 from .order import require_tiles as require_tiles
 from .order import require_whole as require_whole
+from .order import save_order as save_order

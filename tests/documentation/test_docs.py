@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import json
 import re
 import subprocess
@@ -40,6 +42,15 @@ def test_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#]*)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
     local = [link for link in links if link and "://" not in link]
     assert [link for link in local if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("benchmarks/*.py")), ids=lambda p: p.stem)
+def test_benchmarks_name_what_there_is(path):
+    """What they import of ours is there; they are run by hand."""
+    for part in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(part, ast.ImportFrom) and (part.module or "").startswith("terrain_forge"):
+            room = importlib.import_module(part.module)
+            assert [name.name for name in part.names if not hasattr(room, name.name)] == []
 
 
 BASE = {

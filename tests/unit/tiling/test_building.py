@@ -6,6 +6,7 @@ import csv
 import errno
 import json
 import os
+import re
 import shutil
 import signal
 from dataclasses import replace
@@ -344,3 +345,10 @@ def test_truth_of_all_tiles_is_one_raster_each(built, whole):
     shares = {row["name"]: float(row["share"]) for row in table}
     assert shares["sand"] == pytest.approx((wanted["material"] == 1).mean(), abs=2e-6)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_check_says_how_large_a_site_of_small_tiles_becomes(built, recipe):
+    told = next(line for line in tf.check(recipe) if line.startswith("cost"))
+    size = sum(path.stat().st_size for path in built.rglob("*") if path.is_file())
+    expected = 1e9 * float(re.search(r"(\S+) GB on disk", told)[1])
+    assert 1 / 1.5 < expected / size < 1.5
