@@ -33,6 +33,7 @@ from .lattice import require_straight as require_straight
 from .misnamed import ARRAYS as ARRAYS
 from .misnamed import file_to_open as file_to_open
 from .pixels import Pixels as Pixels
+from .pixels import Posts as Posts
 from .places import expanded as expanded
 from .places import place_lines as place_lines
 from .places import terrain_models as terrain_models

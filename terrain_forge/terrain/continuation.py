@@ -8,6 +8,7 @@ posting are complemented rather than added to, and averages over pixels return t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from terrain_forge.dtm import (
     Nodes,
     PixelFrame,
     Pixels,
+    Posts,
     add_cell_means,
     node_places,
     pixel_of,
@@ -41,7 +43,8 @@ class Grain:
     factor: float
     """On its octaves, so that it is as high as noise alike in all directions."""
     share: Array
-    """What it is multiplied by around each post of the DTM, shape [rows, columns] of its patch."""
+    """What it is multiplied by around each post of the DTM that is asked of, shape [rows, columns].
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,13 +57,17 @@ class Octaves:
     """Lattice distance of each octave [m], descending."""
     factors: Array
     """Height of each octave [m]."""
-    variation: Array | None
-    """Factor on the heights around each post of the DTM, shape [rows, columns] of its patch."""
+    variation: Array | None = None
+    """Factor on the heights around each post of the DTM that is asked of, shape [rows, columns]."""
     grains: tuple[Grain, ...] = ()
     """Noise with directions that takes the place of a part of it; the first has none."""
 
 
-def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
+Noise = Callable[[Posts | None], Octaves]
+"""The noise as it is around some posts of the DTM; what it is everywhere, around none."""
+
+
+def continue_dtm(*, site: Site, window: Window, noise: Noise) -> Array:
     """The noise at the window's nodes without its means over the DTM's pixels [m].
 
     A node has the same bits in every window.
@@ -71,7 +78,7 @@ def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
     pixels = Pixels.under(site, wanted, NEAR + STENCIL)
     around = pixels.nodes(site, stride)
     # Samples of every stride-th node do not show shorter waves, whose means are next to nothing.
-    long = (noise.wavelengths >= 2.0 * stride * site.spacing * (1.0 - 1e-9)) | (stride == 1)
+    long = (noise(None).wavelengths >= 2.0 * stride * site.spacing * (1.0 - 1e-9)) | (stride == 1)
     samples = noise_at(site, around, noise, long)
     means = pixels.means(site, around, samples)
     if stride == 1:
@@ -91,38 +98,44 @@ def continue_dtm(*, site: Site, window: Window, noise: Octaves) -> Array:
 
 
 def noise_at(
-    site: Site, nodes: Nodes, noise: Octaves, chosen: NDArray[np.bool_] | slice = slice(None)
+    site: Site, nodes: Nodes, noise: Noise, chosen: NDArray[np.bool_] | slice = slice(None)
 ) -> Array:
     """The chosen octaves at nodes, higher where the ground around is rougher [m]."""
     east, north = nodes.axes(site)
-    places = node_places(site, nodes) if noise.grains or noise.variation is not None else None
+    # Around the nodes alone: a DTM may be far larger than the window.
+    posts = Pixels.under(site, nodes, 0).posts(site.dtm.heights.shape) if site.dtm else None
+    found = noise(posts)
 
     def drawn(key: np.uint64, turn: Array | None, factor: float, share: Array | None) -> Array:
         part = octaves(
             key,
             east=east,
             north=north,
-            wavelengths=noise.wavelengths[chosen],
-            amplitudes=factor * noise.factors[chosen],
+            wavelengths=found.wavelengths[chosen],
+            amplitudes=factor * found.factors[chosen],
             turn=turn,
         )
         if share is not None:
-            over_chunks(_scale, len(part), np.ascontiguousarray(share, np.float64), places, part)
+            assert posts is not None
+            assert site.dtm is not None
+            first, shape = (posts.rows.start, posts.columns.start), site.dtm.heights.shape
+            local = np.ascontiguousarray(share, np.float64)
+            over_chunks(_scale, len(part), local, first, shape, node_places(site, nodes), part)
         return part
 
-    if not noise.grains:
-        return drawn(noise.key, None, 1.0, noise.variation)
+    if not found.grains:
+        return drawn(found.key, None, 1.0, found.variation)
     total = np.zeros((len(north), len(east)))
-    for grain in noise.grains:
-        share = grain.share if noise.variation is None else grain.share * noise.variation
+    for grain in found.grains:
+        share = grain.share if found.variation is None else grain.share * found.variation
         total += drawn(grain.key, grain.turn, grain.factor, share)
     return total
 
 
 @kernel
-def _scale(first, last, local, places, total):  # type: ignore[no-untyped-def]
-    """Multiply nodes by what the posts around them say, bilinear."""
-    rows, columns = local.shape
+def _scale(first, last, local, corner, shape, places, total):  # type: ignore[no-untyped-def]
+    """Multiply nodes by what the posts around them say, bilinear; these begin at a corner."""
+    rows, columns = shape
     for j in range(first, last):
         for i in range(total.shape[1]):
             column, row = pixel_of(places, j, i)
@@ -130,6 +143,7 @@ def _scale(first, last, local, places, total):  # type: ignore[no-untyped-def]
             row = min(max(row, 0.0), rows - 1.000001)
             m, n = np.int64(column), np.int64(row)
             x, y = column - m, row - n
+            m, n = m - corner[1], n - corner[0]
             south = local[n, m] + x * (local[n, m + 1] - local[n, m])
             north = local[n + 1, m] + x * (local[n + 1, m + 1] - local[n + 1, m])
             total[j, i] *= south + y * (north - south)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Key, RecipeError, Spec, portable, stage_key
-from terrain_forge.dtm import Nodes, PixelFrame
+from terrain_forge.dtm import Nodes, PixelFrame, Posts
 from terrain_forge.model import Roughness, Site, Window
 from terrain_forge.terrain.continuation import Grain, Octaves, continue_dtm, noise_at
 from terrain_forge.terrain.layer import Beyond, Layer
@@ -119,7 +119,7 @@ class Fractal(Layer):
 
     def relief(self, *, site: Site, window: Window, elevation: Array) -> Array:  # noqa: ARG002
         """Noise octaves from the longest wavelength down to what the spacing can hold."""
-        noise = self._noise(site)
+        noise = partial(self._noise, site)
         if site.dtm is None or not self.keep_means:
             return noise_at(site, Nodes.of(window), noise)
         return continue_dtm(site=site, window=window, noise=noise)
@@ -143,8 +143,8 @@ class Fractal(Layer):
 
         return relief
 
-    def _noise(self, site: Site) -> Octaves:
-        """The noise that continues the ground."""
+    def _noise(self, site: Site, posts: Posts | None = None) -> Octaves:
+        """The noise that continues the ground; as high as it is around some posts of the DTM."""
         wavelengths = self.octaves(site)
         hurst = self.figures(site).hurst
         factors = octave_amplitudes(self.figures(site), wavelengths)
@@ -155,8 +155,8 @@ class Fractal(Layer):
             key=stage_key(site.seed, _STAGE),
             wavelengths=wavelengths,
             factors=self.gain * factors,
-            variation=self.variation(site),
-            grains=_grains(site, hurst) if self._follows(site) else (),
+            variation=self.variation(site, posts) if posts else None,
+            grains=_grains(site, hurst, posts) if posts and self._follows(site) else (),
         )
 
     @property
@@ -231,8 +231,8 @@ class Fractal(Layer):
         joint = found.resolved * site.dtm.posting
         return _straight(hurst, found.deviation_over(joint) * joint**-hurst)
 
-    def variation(self, site: Site) -> NDArray[np.float64] | None:
-        """RMS deviation around each of the DTM's posts, as a factor on that of all; or None.
+    def variation(self, site: Site, posts: Posts) -> NDArray[np.float64] | None:
+        """RMS deviation around some of the DTM's posts, as a factor on that of all; or None.
 
         Where loose ground would not rest it is less: the RMS slope over one spacing is at most half
         the tangent of the angle of repose, which one place in forty then exceeds. Ground as steep
@@ -241,7 +241,7 @@ class Fractal(Layer):
         found = site.roughness
         if not self._follows(site) or found.local is None or site.dtm is None:
             return None
-        factors = np.asarray(found.local / found.deviation, np.float64)
+        factors = np.asarray(found.local[posts] / found.deviation, np.float64)
         if site.body.repose is None or self._given:
             return factors
         steepest = _RESTING * float(portable.tan(site.body.repose))
@@ -255,7 +255,7 @@ class Fractal(Layer):
         return np.asarray(factors * (1.0 - excess / np.maximum(slope, steepest)))
 
 
-def _grains(site: Site, hurst: float) -> tuple[Grain, ...]:
+def _grains(site: Site, hurst: float, posts: Posts) -> tuple[Grain, ...]:
     """Noise alike in all directions, and drawn out along four, each where the DTM's ground is so.
 
     Between two of the directions their shares of the variance add up to one.
@@ -265,7 +265,7 @@ def _grains(site: Site, hurst: float) -> tuple[Grain, ...]:
         return ()
     # From the DTM's columns and rows to east and north, in terms of the doubled angle.
     (a, b), (c, d) = PixelFrame.of(site).per_metre
-    cosine, sine = np.asarray(grain, np.float64)
+    cosine, sine = np.asarray(grain[:, *posts], np.float64)
     sine = sine if a * d - b * c > 0.0 else -sine
     across, up = (d, -c) if a * d - b * c > 0.0 else (-d, c)  # where columns run to
     double = (across**2 - up**2) / (across**2 + up**2), 2.0 * across * up / (across**2 + up**2)
