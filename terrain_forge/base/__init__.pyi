@@ -14,6 +14,7 @@ from .bounded import read_text as read_text
 from .bounded import require_file as require_file
 from .bounded import require_gltf as require_gltf
 from .bounded import size_text as size_text
+from .bounded import write_arrays as write_arrays
 from .cache import cache_folder as cache_folder
 from .cluster import require_scheduler as require_scheduler
 from .cluster import software as software
@@ -76,6 +77,7 @@ from .records import from_plain as from_plain
 from .records import remembered as remembered
 from .records import shaped as shaped
 from .records import to_plain as to_plain
+from .records import unchanging as unchanging
 from .registry import FOREIGN_FAILURES as FOREIGN_FAILURES
 from .registry import brought as brought
 from .registry import failure_words as failure_words

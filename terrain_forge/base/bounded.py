@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
+from struct import Struct
 from typing import Any
-from zipfile import ZIP_STORED, ZipFile
+from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
-from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
+from numpy.lib.format import (
+    read_array_header_1_0,
+    read_array_header_2_0,
+    read_magic,
+    write_array,
+)
 from numpy.typing import NDArray
 
 from terrain_forge.base.errors import DataError, hint_at, reading
@@ -24,6 +30,12 @@ MAX_STATE = 2**28
 """Bytes of a file in which we keep what was done so far."""
 _MOST_TABLE = 2**34
 _LONGEST_LINE = 10_000
+_LOCAL, _LONG, _FIELD = 30, 20, Struct("<HH")
+"""Bytes of a zip's local header without its name, of its field of long sizes, and what two lengths
+are packed by."""
+_PADDING, _ALIGNED, _PIECE = 0xD935, 64, 2**20
+"""Kind of a field that only takes space, what arrays begin at multiples of, and bytes read at once.
+"""
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
 
@@ -154,22 +166,37 @@ def read_json(path: Path, name: str, *, most: int = MAX_STATE) -> Any:
         return json.loads(text)
 
 
-def read_arrays(path: Path, name: str = "") -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, name: str = "", *, mapped: bool = False) -> dict[str, NDArray[Any]]:
     """The arrays of an npz that is stored as it is, not compressed: no array is larger than it.
 
     Args:
         path: The file.
         name: What it is called in errors, its own name without.
+        mapped: Leave the numbers in the file, which must stay as it is: what is looked at is read
+            from there. Arrays of `write_arrays` can be.
 
     Raises:
         DataError: if there is no such file, or its bytes are not the arrays'.
     """
     require_file(path, name or path.name)
     with reading(name or path.name):
-        return _arrays(path)
+        return _arrays(path, mapped=mapped)
 
 
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write an npz, not compressed, in which arrays begin where memory can be mapped to them."""
+    with path.open("wb") as file, ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            info = ZipInfo(f"{name}.npy")
+            fixed = _LOCAL + len(info.filename.encode()) + _LONG + _FIELD.size
+            pad = -(file.tell() + fixed) % _ALIGNED
+            info.extra = _FIELD.pack(_PADDING, pad) + bytes(pad)
+            with archive.open(info, "w", force_zip64=True) as member:
+                write_array(member, array, allow_pickle=False)
+
+
+def _arrays(path: Path, *, mapped: bool) -> dict[str, NDArray[Any]]:
+    found: dict[str, NDArray[Any]] = {}
     with ZipFile(path) as archive:
         parts = archive.infolist()
         for part in parts:
@@ -177,13 +204,32 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
                 raise ValueError(f"{part.filename} is compressed")
             with archive.open(part) as file:
                 readers = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
-                shape, _, kind = readers[read_magic(file)](file)
+                shape, by_columns, kind = readers[read_magic(file)](file)
                 if part.file_size - file.tell() != math.prod(shape) * kind.itemsize:
                     raise ValueError(f"{part.filename} is not of the size it says")
+                place = _begin_of(path, part) + file.tell()
+                if mapped and not (by_columns or kind.hasobject or place % _ALIGNED):
+                    while file.read(_PIECE):  # which checks its sum
+                        pass
+                    found[part.filename.removesuffix(".npy")] = _mapped(path, place, shape, kind)
         if sum(part.file_size for part in parts) > path.stat().st_size:
             raise ValueError("it claims more bytes than it has")
     with np.load(path, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
+        return {name: found[name] if name in found else arrays[name] for name in arrays.files}
+
+
+def _begin_of(path: Path, part: ZipInfo) -> int:
+    """Where the bytes of a stored part of an archive begin."""
+    with path.open("rb") as file:
+        file.seek(part.header_offset + _LOCAL - _FIELD.size)
+        name, more = _FIELD.unpack(file.read(_FIELD.size))
+    return int(part.header_offset + _LOCAL + name + more)
+
+
+def _mapped(path: Path, place: int, shape: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
+    if not math.prod(shape):
+        return np.empty(shape, kind)
+    return np.memmap(path, kind, "r", place, shape).view(np.ndarray)
 
 
 def require_gltf(content: bytes, *, most: int) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache, wraps
 from typing import Any, ClassVar, Self, TypeVar, get_type_hints
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,18 @@ from terrain_forge.base.errors import DataError
 from terrain_forge.base.given import checked, is_of, require_fields
 
 TYPES: dict[str, type[Record]] = {}
+_FROZEN: WeakValueDictionary[int, NDArray[Any]] = WeakValueDictionary()
+"""Arrays of records by their `id`: one that another record takes needs no second copy."""
 R = TypeVar("R", bound="Record")
 T = TypeVar("T")
+
+
+def unchanging(array: NDArray[Any]) -> NDArray[Any]:
+    """An array of finite numbers that nothing changes any more: a record takes it as it is."""
+    view = array.view()
+    view.setflags(write=False)
+    _FROZEN[id(view)] = view
+    return view
 
 
 def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str, Any]:
@@ -106,8 +117,10 @@ class Record:
             ValueError: where the shape differs, a float is not finite or a value is masked.
         """
         given, where = getattr(self, name), f"{type(self).__name__}.{name}"
+        known = _FROZEN.get(id(given))
+        frozen = known is not None and known is given and known.dtype == dtype
         try:
-            array = np.array(given, dtype=dtype, order="C", copy=True)
+            array = given if frozen else np.array(given, dtype=dtype, order="C", copy=True)
         except (TypeError, ValueError):
             raise ValueError(f"{where}: must be numbers, in rows of one length") from None
         lengths = {} if lengths is None else lengths
@@ -117,13 +130,15 @@ class Record:
             matches = matches and expected == found
         if not matches:
             raise ValueError(f"{where}: shape {array.shape}, expected {shape}")
+        if frozen:
+            return
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise ValueError(f"{where}: holds values that are not finite")
         if np.ma.is_masked(given):
             raise ValueError(f"{where}: holds values that are masked")
         array.setflags(write=False)
         # A view of what nobody may write cannot be made writable again.
-        object.__setattr__(self, name, array.view())
+        object.__setattr__(self, name, unchanging(array))
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some fields changed, checked like a new record."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask
-from terrain_forge.dtm.increments import local_mean
+from terrain_forge.dtm.increments import local_mean, reach_of
+from terrain_forge.dtm.squares import in_squares, samples
 
 _WIDTH = 6.0
 """Standard deviation of the Gaussian window [posts]."""
@@ -16,7 +18,7 @@ _LEAST = 0.15
 """Root mean square of what exceeds it below which the ground is called alike in all directions."""
 
 
-def find_grain(heights: Array, trusted: Mask) -> Array | None:
+def find_grain(heights: Array, trusted: Mask) -> NDArray[np.float32] | None:
     """Cosine and sine of twice the angle of the roughest direction, times how much it is rougher.
 
     Second increments over one post along rows and columns, and over the pixel's diagonal both ways:
@@ -29,14 +31,19 @@ def find_grain(heights: Array, trusted: Mask) -> Array | None:
     Returns:
         Shape [2, rows, columns], angles from columns towards rows; None if there is no direction.
     """
+    grain = in_squares(_grain, heights, trusted, **reach_of(_WIDTH))
+    squares = [np.mean(np.sum(grain[:, *part] ** 2, axis=0)) for part in samples(heights.shape)]
+    return grain if float(np.sqrt(np.mean(squares))) >= _LEAST else None
+
+
+def _grain(heights: Array, trusted: Mask) -> NDArray[np.float32]:
+    """Cosine and sine, less of them what chance makes, shape [2, rows, columns]."""
     along, down, rising, falling = (_near(heights, trusted, step) for step in _STEPS)
     pairs = [(a - b) / np.maximum(a + b, 1e-300) for a, b in ((along, down), (rising, falling))]
     grain = np.stack(pairs)
     size = np.sqrt(grain[0] ** 2 + grain[1] ** 2)
     beyond = np.maximum(size - _CHANCE, 0.0) / (1.0 - _CHANCE)
-    if float(np.sqrt(np.mean(beyond**2))) < _LEAST:
-        return None
-    return np.asarray(grain * (beyond / np.maximum(size, 1e-300)))
+    return np.asarray(grain * (beyond / np.maximum(size, 1e-300)), np.float32)
 
 
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))

@@ -10,14 +10,17 @@ allowed for.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
 
 from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.squares import in_squares, samples
 
 _QUADRATURE = 24
 _PRIOR = 0.02  # weight of the mean of wider surroundings, beside up to two increments at each post
+_CUT = 3.0  # standard deviations after which a window ends
 _WIDER, _LAST = 8.0, 4e-4  # how much wider those are, and weight of the mean of all beside them
 
 
@@ -26,8 +29,9 @@ def mean_square_increment(heights: Array, lag: int, trusted: Mask) -> float:
 
     NaN where no three trusted posts lie in a row.
     """
-    total, count = _sums(heights, lag, trusted)
-    return float(total.sum() / count.sum()) if count.any() else float("nan")
+    sums = [_sums(heights[part], lag, trusted[part]) for part in samples(heights.shape)]
+    total, count = (sum(float(one[n].sum()) for one in sums) for n in range(2))
+    return total / count if count else float("nan")
 
 
 @cache
@@ -45,10 +49,10 @@ def mixed_share(heights: Array, lag: int, trusted: Mask) -> float:
 
     NaN where no three by three trusted posts lie together, or all lie in planes.
     """
-    across, known = _differences(heights, lag), _all_known(trusted, lag)
-    mixed, known = _differences(across.T, lag), _all_known(known.T, lag)
+    found = [_mixed(heights[part], lag, trusted[part]) for part in samples(heights.shape)]
+    total, count = (sum(column) for column in zip(*found, strict=True))
     second = mean_square_increment(heights, lag, trusted)
-    return float(np.mean(mixed[known] ** 2) / second) if known.any() and second else float("nan")
+    return float(total / count / second) if count and second else float("nan")
 
 
 def local_square_increments(heights: Array, lag: int, trusted: Mask, width: float) -> Array:
@@ -62,21 +66,39 @@ def local_square_increments(heights: Array, lag: int, trusted: Mask, width: floa
         trusted: posts that are measured, not filled in.
         width: standard deviation of the Gaussian window [posts].
     """
-    return local_mean(*_sums(heights, lag, trusted), width)
+    usual = mean_square_increment(heights, lag, trusted)
+
+    def near(heights: Array, trusted: Mask) -> Array:
+        return local_mean(*_sums(heights, lag, trusted), width, usual)
+
+    return in_squares(near, heights, trusted, **reach_of(width))
 
 
-def local_mean(total: Array, count: Array, width: float) -> Array:
+def reach_of(width: float) -> dict[str, int]:
+    """How `in_squares` has to take the pieces of which `local_mean` makes means."""
+    step = _block(_WIDER * width)
+    return {"margin": math.ceil(_CUT * _WIDER * width) + 2 * step, "step": step}
+
+
+def local_mean(total: Array, count: Array, width: float, usual: float | None = None) -> Array:
     """Means around each post of what was summed at each, in a Gaussian window of a width [posts].
 
-    Where there is little in it they tend to the mean of a wider window, and at last to that of all.
+    Where there is little in it they tend to the mean of a wider window, and at last to what is
+    usual, by default the mean of all.
     """
-    mean = np.full(total.shape, total.sum() / max(count.sum(), 1.0))
+    usual = total.sum() / max(count.sum(), 1.0) if usual is None else usual
+    mean = np.full(total.shape, usual)
     for wide, prior in ((_WIDER * width, _LAST), (width, _PRIOR)):
         # What counts for a fiftieth is taken of blocks, since a window of 300 posts is dear.
-        step = max(int(0.25 * wide), 1) if wide > width else 1
+        step = _block(wide) if wide > width else 1
         near, weight = (_smoothed(values, wide, step) for values in (total, count))
         mean = (near + prior * mean) / (weight + prior)
     return mean
+
+
+def _block(width: float) -> int:
+    """Posts a side of the blocks that are taken for a wide window [posts]."""
+    return max(int(0.25 * width), 1)
 
 
 def _smoothed(values: Array, width: float, step: int) -> Array:
@@ -85,7 +107,7 @@ def _smoothed(values: Array, width: float, step: int) -> Array:
     0 lies beyond the values.
     """
     blocks = _blocks(_blocks(values, step).T, step).T
-    means = portable.smoothed(blocks, width / step, mode="constant", truncate=3.0)
+    means = portable.smoothed(blocks, width / step, mode="constant", truncate=_CUT)
     rows, columns = values.shape
     return np.ascontiguousarray(_stretched(_stretched(means, step, rows).T, step, columns).T)
 
@@ -118,6 +140,13 @@ def _sums(heights: Array, lag: int, trusted: Mask) -> tuple[Array, Array]:
         squares[:, lag:-lag] += np.where(all_known, _differences(z, lag) ** 2, 0.0)
         numbers[:, lag:-lag] += all_known
     return total, count
+
+
+def _mixed(heights: Array, lag: int, trusted: Mask) -> tuple[float, int]:
+    """Sum of squares of the mixed fourth differences over a lag, and how many there are."""
+    across, known = _differences(heights, lag), _all_known(trusted, lag)
+    mixed, known = _differences(across.T, lag), _all_known(known.T, lag)
+    return float(np.sum(mixed[known] ** 2)), int(known.sum())
 
 
 def _differences(heights: Array, lag: int) -> Array:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask, portable
+from terrain_forge.dtm.squares import in_squares
 
 FILL_METHOD = "inverse-distance interpolation from the rim (GDAL FillNodata)"
 
@@ -93,6 +95,10 @@ def _spike(heights: Array, valid: Mask) -> tuple[float, int, int]:
 def planar_posts(heights: Array) -> Mask:
     """Posts in the middle of 5 × 5 posts that lie in one plane, as exactly as float32 can tell."""
     tolerance = 4.0 * float(np.spacing(np.float32(np.abs(heights).max())))
+    return in_squares(partial(_planar, tolerance=tolerance), heights, margin=2)
+
+
+def _planar(heights: Array, *, tolerance: float) -> Mask:
     flat = np.zeros(heights.shape, bool)
     if min(heights.shape) < 3:
         return flat

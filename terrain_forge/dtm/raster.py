@@ -118,9 +118,12 @@ class Raster:
         """
         parts = [self._read_values(rows, span) for span in self.pieces(columns)]
         values, valid = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-        heights = np.where(valid, self.heights(values) - self._datum_rise(rows, columns), 0.0)
+        heights = self.heights(values)
+        heights -= self._datum_rise(rows, columns)
+        heights[~valid] = 0.0
         if strict:
-            require_no_sentinel(values[valid], self.source, cliff=self._cliff())
+            known = values if valid.all() else values[valid]
+            require_no_sentinel(known, self.source, cliff=self._cliff())
             require_heights(heights, self.source, self.body)
         return heights, valid
 

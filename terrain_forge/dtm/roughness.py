@@ -87,7 +87,8 @@ def fit_roughness(
         source += f", {rise:.2f} more in each octave below as it rises towards the posting"
     if floor:
         source += f" above its noise, baselines from {0.5 * floor.longest * posting:.3g} m"
-    local = _local_deviation(heights, trusted, hurst, resolved) / posting**hurst
+    local = _local_deviation(heights, trusted, hurst, resolved)
+    local /= posting**hurst
     # Ground that is smoother than the limit stays so for another octave: its power ends sooner.
     local *= 0.5 ** max(weighed - hurst, 0.0)
     grain = find_grain(heights, trusted)
@@ -104,7 +105,7 @@ def fit_roughness(
         joint=joint,
         resolved=resolved,
         local=local.astype(np.float32),
-        grain=None if grain is None else grain.astype(np.float32),
+        grain=grain,
     )
 
 
@@ -227,4 +228,5 @@ def _standard_error(
 def _local_deviation(heights: Array, trusted: Mask, hurst: float, resolved: int) -> Array:
     """RMS deviation at one posting around each post [m], from the shortest baseline."""
     squares = local_square_increments(heights, resolved, trusted, _LOCAL_WIDTH * resolved)
-    return np.asarray(np.sqrt(squares / expected_increment(hurst, resolved)))
+    squares /= expected_increment(hurst, resolved)
+    return np.sqrt(squares, out=squares)

@@ -126,13 +126,17 @@ def require_no_sentinel(values: NDArray[np.float64], source: str, *, cliff: floa
         found = values == suspect
         if not found.any() or found.all():
             continue
-        others = values[~found]
-        gap, width = np.abs(others - suspect).min(), np.ptp(others)
+        others = {"where": ~found}
+        lowest = values.min(initial=np.inf, **others)
+        highest = values.max(initial=-np.inf, **others)
+        below = values.max(initial=-np.inf, where=values < suspect)
+        above = values.min(initial=np.inf, where=values > suspect)
+        gap, width = min(suspect - below, above - suspect), highest - lowest
         listed = suspect in _SENTINELS and gap > max(width, 1.0)
         if listed or (found.sum() > 1 and width > 0.0 and gap > max(width, cliff)):
             raise DataError(
                 f"{source} holds {found.sum()} samples of the value {suspect:.10g} beside values "
-                f"of {others.min():g} to {others.max():g}: if it means no data, give dtm.nodata: "
+                f"of {lowest:g} to {highest:g}: if it means no data, give dtm.nodata: "
                 f"{suspect:.10g} (dtm.nodata_range for several such); if it is a height, choose a "
                 "place away from it by dtm.centre",
                 key=("dtm", "nodata"),

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256 as digest_of
 from importlib import import_module
-from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 from typing import Any
@@ -28,7 +27,7 @@ from terrain_forge.base import OutputError, storing
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.joining import begin_site
 from terrain_forge.tiling.making import make_tile, placing
-from terrain_forge.tiling.order import FOLDER, TileOrder, load_order, planned_files
+from terrain_forge.tiling.order import FOLDER, TileOrder, load_order, write_planned
 
 _SITE = "site.tar"
 
@@ -77,18 +76,17 @@ def exchanging(order: TileOrder, url: str) -> Iterator[Exchange]:
     Raises:
         OutputError: if the store cannot be used.
     """
-    files = planned_files(order)
-    hashes = [digest_of(content).hexdigest() for content in files.values()]
-    whose = f"{platform.node()} {order.out} {' '.join(hashes)}"
-    key = digest_of(whose.encode()).hexdigest()[:16]
-    exchange = Exchange(url=f"{url.rstrip('/')}/terrain-forge-{key}")
-    with TemporaryDirectory() as folder:
-        packed = Path(folder) / _SITE
+    with TemporaryDirectory() as made:
+        folder, packed = Path(made) / FOLDER, Path(made) / _SITE
+        folder.mkdir()
+        write_planned(order, folder)
+        files = sorted(folder.iterdir())
+        whose = f"{platform.node()} {order.out} {' '.join(map(sha256, files))}"
+        key = digest_of(whose.encode()).hexdigest()[:16]
+        exchange = Exchange(url=f"{url.rstrip('/')}/terrain-forge-{key}")
         with tarfile.open(packed, "w") as tar:
-            for name, content in files.items():
-                member = tarfile.TarInfo(f"{FOLDER}/{name}")
-                member.size = len(content)
-                tar.addfile(member, BytesIO(content))
+            for file in files:
+                tar.add(file, f"{FOLDER}/{file.name}")
         exchange.remove()  # what a killed build has left
         exchange.put(packed)
     try:

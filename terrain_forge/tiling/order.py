@@ -8,11 +8,10 @@ OUT/tiles/ROW/COLUMN/            the files of a tile, with tile.json; whole or n
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,8 @@ from terrain_forge.base import (
     software,
     sync,
     to_plain,
+    unchanging,
+    write_arrays,
     write_through,
 )
 from terrain_forge.model import (
@@ -48,7 +49,8 @@ from terrain_forge.terrain import stencil_reach
 FOLDER, ORDER = "site", "order.json"
 STAGING = ".terrain-forge"
 """Where tiles are made, in the site's folder."""
-PLANNED = "site.json", "arrays.npz", ORDER
+_SITE, _ARRAYS = "site.json", "arrays.npz"
+PLANNED = _SITE, _ARRAYS, ORDER
 """Files of the planned site."""
 TILE = "tile.json"
 """A tile's own list of its files."""
@@ -219,9 +221,8 @@ def save_order(order: TileOrder) -> None:
     Raises:
         OutputError: if the folder holds anything but the same order.
     """
-    texts = planned_files(order)
     if is_site(order.out):
-        _require_same(order.out, texts)
+        _require_same(order)
         return
     if any(path.name != STAGING for path in order.out.iterdir()):
         raise OutputError(
@@ -229,19 +230,24 @@ def save_order(order: TileOrder) -> None:
         )
     fresh = order.out / STAGING / FOLDER
     fresh.mkdir()
-    for name, content in texts.items():
-        (fresh / name).write_bytes(content)
+    write_planned(order, fresh)
     write_through(fresh)
     fresh.rename(order.out / FOLDER)
     sync(order.out)
 
 
-def planned_files(order: TileOrder) -> dict[str, bytes]:
-    """The files of the planned site, by their names."""
+def write_planned(order: TileOrder, folder: Path) -> None:
+    """Write the files of the planned site into a folder."""
+    texts, arrays = _planned(order)
+    for name, content in texts.items():
+        (folder / name).write_bytes(content)
+    write_arrays(folder / _ARRAYS, arrays)
+
+
+def _planned(order: TileOrder) -> tuple[dict[str, bytes], dict[str, NDArray[Any]]]:
+    """The texts of the planned site by the names of their files, and its arrays."""
     arrays: dict[str, NDArray[Any]] = {}
     site = to_plain(order.site, arrays, "site")
-    binary = BytesIO()
-    np.savez(binary, allow_pickle=False, **arrays)  # type: ignore[arg-type]
     told = {
         "format": 1,
         "cells": order.grid.cells,
@@ -249,15 +255,16 @@ def planned_files(order: TileOrder) -> dict[str, bytes]:
                     for e in order.exports],
         "made_by": software(),
     }  # fmt: skip
-    return dict(zip(PLANNED, (_json(site), binary.getvalue(), _json(told)), strict=True))
+    return {_SITE: _json(site), ORDER: _json(told)}, arrays
 
 
 def _json(plain: Any) -> bytes:
     return (json.dumps(plain, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _require_same(out: Path, texts: dict[str, bytes]) -> None:
-    folder = out / FOLDER
+def _require_same(order: TileOrder) -> None:
+    out, folder = order.out, order.out / FOLDER
+    texts, arrays = _planned(order)
     mine, theirs = json.loads(texts[ORDER]), _read(folder / ORDER)
     for part, what in (
         ("made_by", "was begun by {theirs}, this is {mine}"),
@@ -273,23 +280,33 @@ def _require_same(out: Path, texts: dict[str, bytes]) -> None:
             raise OutputError(
                 f"{out} {what.format(**told)}; nothing was changed: choose another folder with -o"
             )
-    for name in ("site.json", "arrays.npz"):
-        if not _holds(folder / name, texts[name]):
-            raise OutputError(
-                f"{out} holds tiles of another recipe{_difference(folder, texts)}; nothing was "
-                "changed: choose another folder with -o"
-            )
+    if not (_holds(folder / _SITE, texts[_SITE]) and _holds_arrays(folder / _ARRAYS, arrays)):
+        raise OutputError(
+            f"{out} holds tiles of another recipe{_difference(folder, texts[_SITE])}; nothing was "
+            "changed: choose another folder with -o"
+        )
 
 
 def _holds(path: Path, content: bytes) -> bool:
     return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
 
 
-def _difference(folder: Path, texts: dict[str, bytes]) -> str:
-    """Where two recipes differ first."""
-    mine = json.loads(json.loads(texts["site.json"])["recipe_json"])
+def _holds_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> bool:
     try:
-        theirs = dict(json.loads(_read(folder / "site.json")["recipe_json"]))
+        there = read_arrays(path, mapped=True)
+    except DataError:
+        return False
+    return there.keys() == arrays.keys() and all(
+        there[name].dtype == array.dtype and np.array_equal(there[name], array)
+        for name, array in arrays.items()
+    )
+
+
+def _difference(folder: Path, site: bytes) -> str:
+    """Where two recipes differ first."""
+    mine = json.loads(json.loads(site)["recipe_json"])
+    try:
+        theirs = dict(json.loads(_read(folder / _SITE)["recipe_json"]))
     except (OutputError, KeyError, TypeError, ValueError, RecursionError):
         return ", or is damaged"
     return next(
@@ -342,7 +359,9 @@ def _load(out: str, *state: int) -> TileOrder:
     told = _read(folder / ORDER)
     try:
         with reading(FOLDER):
-            plain, arrays = _read(folder / "site.json"), read_arrays(folder / "arrays.npz")
+            plain, there = _read(folder / _SITE), read_arrays(folder / _ARRAYS, mapped=True)
+            # They are written once: a tile looks at those around it alone.
+            arrays = {name: unchanging(array) for name, array in there.items()}
             site = from_plain(plain, arrays, Site)
             _ = site.recipe  # read once, here
             return TileOrder(

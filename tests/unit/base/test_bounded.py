@@ -19,6 +19,7 @@ from terrain_forge.base import (
     read_bytes,
     read_json,
     read_lines,
+    write_arrays,
 )
 from terrain_forge.model import World
 
@@ -38,6 +39,38 @@ def test_what_is_saved_is_read(tmp_path):
     np.savez(tmp_path / "a.npz", **arrays)
     found = read_arrays(tmp_path / "a.npz")
     assert {*found} == {*arrays}
+    assert all(np.array_equal(found[name], arrays[name]) for name in arrays)
+
+
+def test_what_is_mapped_stays_in_the_file(tmp_path):
+    """It begins where any kernel takes it, is read when it is looked at, and cannot be written."""
+    arrays = {"a": np.arange(3e6).reshape(-1, 3), "bb": np.array(7), "c": np.zeros((0, 3), "i4")}
+    arrays |= {f"d{n * 'd'}": np.arange(n, dtype="i2") for n in range(1, 40)}
+    path = tmp_path / "a.npz"
+    write_arrays(path, arrays)
+    with np.load(path) as others:
+        assert all(np.array_equal(others[name], arrays[name]) for name in arrays)
+    found = read_arrays(path, mapped=True)
+    assert {*found} == {*arrays}
+    for name, array in found.items():
+        assert type(array) is np.ndarray
+        assert array.dtype == arrays[name].dtype
+        assert np.array_equal(array, arrays[name])
+        assert array.ctypes.data % 64 == 0 or not array.size
+        assert not (array.size and array.flags.writeable)
+    with path.open("r+b") as file:
+        place = path.read_bytes().index(np.float64(2e6).tobytes())
+        file.seek(place)
+        file.write(np.float64(5.0).tobytes())
+    assert found["a"].ravel()[2_000_000] == 5.0
+    with pytest.raises(DataError, match="CRC"):
+        read_arrays(path, mapped=True)
+
+
+def test_what_cannot_be_mapped_is_read(tmp_path):
+    arrays = {"a": np.arange(6.0).reshape(2, 3).T, "b": np.arange(5.0)}
+    np.savez(tmp_path / "a.npz", **arrays)
+    found = read_arrays(tmp_path / "a.npz", mapped=True)
     assert all(np.array_equal(found[name], arrays[name]) for name in arrays)
 
 

@@ -144,3 +144,19 @@ def test_a_record_made_wrongly_is_told_in_a_line(fields, words):
     assert str(error.value).startswith(words)
     with pytest.raises(DataError):
         Heightfield(**right).replace(**fields)
+
+
+def test_a_record_copies_no_array_that_another_has():
+    elevation = np.zeros((3, 4), np.float32)
+    ground = Heightfield(origin=(0.0, 0.0), spacing=1.0, elevation=elevation)
+    elevation[1, 1] = 7.0
+    assert ground.elevation[1, 1] == 0.0
+    moved = ground.replace(origin=(1.0, 0.0))
+    assert np.shares_memory(moved.elevation, ground.elevation)
+    with pytest.raises(ValueError, match="read-only"):
+        moved.elevation[0, 0] = 1.0
+    with pytest.raises(DataError, match="shape"):
+        ground.replace(elevation=ground.elevation[0])
+    view = elevation.view()
+    view.setflags(write=False)  # the base can still be written
+    assert not np.shares_memory(ground.replace(elevation=view).elevation, elevation)

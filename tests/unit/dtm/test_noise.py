@@ -11,7 +11,7 @@ import rasterio
 from scipy.ndimage import gaussian_filter, uniform_filter
 
 from terrain_forge.base import stage_key
-from terrain_forge.dtm import ArrayDtm, site_survey, site_warnings, survey
+from terrain_forge.dtm import ArrayDtm, Posts, site_survey, site_warnings, survey
 from terrain_forge.dtm.denoising import denoised
 from terrain_forge.dtm.increments import local_square_increments
 from terrain_forge.dtm.landforms import landforms
@@ -462,15 +462,17 @@ def test_an_exponent_that_ground_has_not_is_told():
 
 
 def test_detail_is_no_steeper_than_loose_ground_rests():
+    all_posts = Posts(slice(None), slice(None))
     rough = planned(2.0 * clean(), 2.0, factor=64)
     free, limited = (
-        Fractal().variation(rough.replace(body=body)) for body in (MARS.replace(repose=None), MARS)
+        Fractal().variation(rough.replace(body=body), all_posts)
+        for body in (MARS.replace(repose=None), MARS)
     )
     assert limited.max() < free.max()
     site = planned(clean(), 2.0, factor=8)
     assert np.array_equal(
-        Fractal().variation(site),
-        Fractal().variation(site.replace(body=MARS.replace(repose=None))),
+        Fractal().variation(site, all_posts),
+        Fractal().variation(site.replace(body=MARS.replace(repose=None)), all_posts),
     )
 
 
