@@ -354,13 +354,9 @@ def _drives(site: Site) -> float:
     starts, drive = (spec.starts_spec, spec.drive_spec) if spec else (None, None)
     seconds = 0.5 * starts.count * starts.length_m / starts.speed_m_s if starts else 0.0
     seconds += sum(duration(r) for r in site.routes if drive and r.name == drive.path)
-    seconds += sum(_planned(p) for p in site.recipe.paths if drive and p.name == drive.path)
+    planned = (path for path in site.recipe.paths if drive and path.name == drive.path)
+    seconds += sum(_planned_length(path) / path.speed_m_s for path in planned)
     return DRIVING * seconds + (FILMING if drive and drive.film else 0.0)
-
-
-def _planned(path: PathSpec) -> float:
-    """About how long it takes to drive a path that is planned on the finished ground [s]."""
-    return _planned_length(path) / path.speed_m_s
 
 
 def _planned_length(path: PathSpec) -> float:

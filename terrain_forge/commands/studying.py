@@ -25,14 +25,8 @@ def study(file: Path, out: Path | None, jobs: int | None, listed: bool, trust: b
     Gives tables (text, CSV, LaTeX), plots of each factor's effect with its spread, and a page.
     Killed or interrupted, the same command goes on where it was.
     """
-    from terrain_forge.studies import (
-        MAIN,
-        effect_rows,
-        effects_of,
-        outcome_rows,
-        run_study,
-        text_table,
-    )
+    from terrain_forge.evaluation import text_table
+    from terrain_forge.studies import MAIN, effect_rows, effects_of, outcome_rows, run_study
 
     if listed:
         return _list(file, trust)

@@ -181,7 +181,8 @@ class Recording:
                 flat[0, 3] = 0.0
                 beside = baseline > 0.0 and np.abs(flat).max() <= max(baseline, 1.0) * _PARALLEL
                 beside &= self.link_of(left.key) == self.link_of(right.key)
-                if beside and left.size == right.size and _at_once(left, right) and left.span:
+                at_once = np.array_equal(left.stamps, right.stamps)
+                if beside and left.size == right.size and at_once and left.span:
                     found.append(StereoPair(left=left, right=right, baseline=baseline))
         return tuple(found)
 
@@ -267,10 +268,6 @@ class Recording:
 
 
 _TUM = np.dtype([("second", "i8"), ("fraction", "i8"), ("values", "f8", (7,))])
-
-
-def _at_once(one: RecordedSensor, other: RecordedSensor) -> bool:
-    return np.array_equal(one.stamps, other.stamps)
 
 
 @checked

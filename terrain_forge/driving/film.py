@@ -16,14 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from terrain_forge.base import (
-    Array,
-    linear_from_srgb,
-    matrix_from_quaternion,
-    worker_threads,
-)
+from terrain_forge.base import Array, matrix_from_quaternion, worker_threads
 from terrain_forge.driving.result import DriveResult
-from terrain_forge.geometry import RoverLook, rover_looks
+from terrain_forge.geometry import RoverLook, rover_instances, rover_looks
 from terrain_forge.model import Rover, World
 from terrain_forge.scene import (
     SKIN,
@@ -59,8 +54,6 @@ ones."""
 _FIELD_OF_VIEW = math.radians(62.0)
 SHARED = 3.0
 """How large a piece of the world may be that frames share, over that of one frame."""
-_SMOOTH = 1e-6
-"""Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
 
 def write_film(world: World, result: DriveResult, path: Path) -> Path:
@@ -128,7 +121,7 @@ class _Set:
         self._scene = RayScene(subject)
         self._stage = prepare_stage(self._scene, subject.lighting, 3)
         self._looks = rover_looks(world.rover)
-        self._parts = _rover_parts(self._looks, world.site.seed)
+        self._parts = _rover_parts(world.rover, self._looks, world.site.seed)
         self._shapes = BodyShapes(self._parts)
 
     def __enter__(self) -> Self:
@@ -233,23 +226,11 @@ def _around(world: World, places: Array, reach: float) -> Subject:
     )
 
 
-def _rover_parts(looks: list[RoverLook], seed: int) -> Instances:
-    """The rover's visible shapes, one for each link and colour, wherever they are."""
-    count = len(looks)
-    number = np.arange(count, dtype=np.int32)
-    tone = tones(np.int32(np.iinfo(np.int32).max - count) + number, seed)
-    return Instances(
-        meshes=tuple(look.mesh for look in looks),
-        mesh=number,
-        position=np.zeros((count, 3)),
-        rotation=np.tile(np.eye(3), (count, 1, 1)),
-        scale=np.ones(count),
-        grain=np.full(count, _SMOOTH),
-        rgb=linear_from_srgb(np.round(255.0 * np.array([o.rgb for o in looks])) / 255.0).reshape(
-            -1, 3
-        )
-        * tone[:, None],
-    )
+def _rover_parts(rover: Rover, looks: list[RoverLook], seed: int) -> Instances:
+    """The rover's visible shapes, one for each link and colour, of several tones."""
+    parts = rover_instances(looks, rover.origins)
+    tone = tones(np.int32(np.iinfo(np.int32).max - len(parts)) + parts.mesh, seed)
+    return parts.replace(rgb=parts.rgb * tone[:, None])
 
 
 def link_poses(rover: Rover, result: DriveResult, pose: int) -> dict[str, tuple[Array, Array]]:

@@ -2,6 +2,7 @@
 
 from .anywhere import Terrain as Terrain
 from .anywhere import places_of as places_of
+from .denoising import plane_through as plane_through
 from .description import Description as Description
 from .description import describe as describe
 from .description import site_facts as site_facts

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, Mask, portable
 from terrain_forge.dtm.lattice import Georeferenced, patch_pixels
-from terrain_forge.dtm.projection import datum_radii, ellipsoid, geographic_crs, transform
 from terrain_forge.dtm.quality import fill_holes
 from terrain_forge.dtm.raster import Raster
 from terrain_forge.dtm.reading import placed
@@ -207,17 +206,10 @@ def _datum_rise(
     raster: Raster, top: int, left: int, shape: tuple[int, int], step: int
 ) -> Array | float:
     """Radius of the ellipsoid at each sample above that at the raster's middle [m], for radii."""
-    middle = raster.vertical.reference_radius
-    if not middle or not raster.crs or len(set(ellipsoid(raster.crs))) == 1:
+    if raster.is_round:
         return 0.0
-    a, b, c, d, e, f = raster.to_pixel
     rows, columns = (np.arange(n) * step + 0.5 * (step - 1) for n in shape)
-    column, row = np.meshgrid(columns + left - c, rows + top - f)
-    (p, q), (r, s) = portable.inverse([[a, b], [d, e]])
-    place = transform(
-        raster.crs, geographic_crs(raster.crs), p * column + q * row, r * column + s * row
-    )
-    return datum_radii(raster.crs, place[1]) - middle
+    return raster.datum_rise_at(columns + left, rows + top)
 
 
 def _weight(valid: Mask, *, followed: bool) -> Array:

@@ -149,18 +149,29 @@ class Raster:
 
         0 unless the numbers are radii on a body that is no sphere. Exact at every eighth sample.
         """
-        middle = self.vertical.reference_radius
-        if not middle or not self.crs or len(set(ellipsoid(self.crs))) == 1:
+        if self.is_round:
             return 0.0
         across, x_steps = anchors(columns.start, columns.stop - columns.start, _EVERY)
         down, y_steps = anchors(rows.start, rows.stop - rows.start, _EVERY)
+        return bilinear(self.datum_rise_at(across, down), x_steps, y_steps)
+
+    @property
+    def is_round(self) -> bool:
+        """Whether its numbers are heights, or radii on a body that is a sphere."""
+        radii = self.vertical.reference_radius and self.crs
+        return not radii or len(set(ellipsoid(self.crs))) == 1
+
+    def datum_rise_at(
+        self, across: NDArray[np.floating[Any]], down: NDArray[np.floating[Any]]
+    ) -> Array:
+        """Radius of the ellipsoid at columns and rows above that at the raster's middle [m]."""
         a, b, c, d, e, f = self.to_pixel
         column, row = np.meshgrid(across - c, down - f)
         (p, q), (r, s) = portable.inverse([[a, b], [d, e]])
         place = transform(
             self.crs, geographic_crs(self.crs), p * column + q * row, r * column + s * row
         )
-        return bilinear(datum_radii(self.crs, place[1]) - middle, x_steps, y_steps)
+        return datum_radii(self.crs, place[1]) - self.vertical.reference_radius
 
     def _cliff(self) -> float:
         """Difference of neighbours that no ground has [units of the file]."""

@@ -50,6 +50,7 @@ from .score import score_poses as score_poses
 from .stamped import ERRORS as ERRORS
 from .stamped import read_errors as read_errors
 from .tables import MAPS as MAPS
+from .tables import csv_table as csv_table
 from .tables import latex_table as latex_table
 from .tables import require_no_tables as require_no_tables
 from .tables import require_place as require_place
@@ -57,5 +58,7 @@ from .tables import score_lines as score_lines
 from .tables import score_plain as score_plain
 from .tables import score_rows as score_rows
 from .tables import table_lines as table_lines
+from .tables import text_table as text_table
 from .tables import write_scores as write_scores
+from .tables import write_texts as write_texts
 from .visual_odometry import stereo_odometry as stereo_odometry

@@ -21,7 +21,7 @@ from terrain_forge.base import (
 )
 from terrain_forge.evaluation.map_files import MapPoints, read_map
 from terrain_forge.evaluation.map_score import CELL, Area, MapScore, score_map, site_grid
-from terrain_forge.evaluation.tables import MAPS, TABLE, write_table_as
+from terrain_forge.evaluation.tables import MAPS, TABLE, write_table
 from terrain_forge.model import World
 
 _HEAD = (
@@ -154,4 +154,4 @@ def write_maps(scores: Sequence[MapScore], folder: Path) -> list[Path]:
     plain = [
         {k: vars(v) if hasattr(v, "rms") else v for k, v in vars(one).items()} for one in scores
     ]
-    return write_table_as(MAPS, map_rows(scores), plain, folder)
+    return write_table(map_rows(scores), plain, folder, name=MAPS)

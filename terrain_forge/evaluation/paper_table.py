@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import write_whole
 from terrain_forge.datasets import ORB_FEATURES, Recording
 from terrain_forge.evaluation.paper import (
     PAPER_LENGTHS,
@@ -21,7 +18,13 @@ from terrain_forge.evaluation.paper import (
     table_of,
 )
 from terrain_forge.evaluation.results import Result
-from terrain_forge.evaluation.tables import PAPER, latex_table
+from terrain_forge.evaluation.tables import (
+    PAPER,
+    csv_table,
+    latex_table,
+    text_table,
+    write_texts,
+)
 
 _HEAD = (
     "system", "ATE in the paper [m]", "ATE here [m]", "TDr in the paper [%]", "TDr here [%]",
@@ -177,17 +180,7 @@ def write_paper_table(recording: Recording, results: Sequence[Result], folder: P
     title = f"Table {number} of Giubilato et al. 2020, and this recording"
     rows = paper_rows(results, recording.name)
     differs = [f"differs: {line}" for line in differences(recording, results)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
+    text = "\n".join([title, "", *text_table(rows), "", *differs, ""])
     comments = "".join(f"% {line}\n" for line in (title, *differs))
-    folder.mkdir(parents=True, exist_ok=True)
-    contents = {
-        "txt": "\n".join([title, "", *lines, "", *differs, ""]),
-        "csv": text.getvalue(),
-        "tex": comments + latex_table(rows),
-    }
-    for suffix, content in contents.items():
-        write_whole(folder / f"{PAPER}.{suffix}", content)
-    return [folder / f"{PAPER}.{suffix}" for suffix in contents]
+    latex = comments + latex_table(rows)
+    return write_texts(PAPER, folder, txt=text, csv=csv_table(rows), tex=latex)

@@ -176,7 +176,8 @@ def score_poses(
     errors = portable.norm(laid.position - true.position)
     ate = spread(errors)
     assert ate is not None
-    gaps = _gaps(true.time, truth.time, max(options.gap_s, _SPARSE * _usual_step(truth)))
+    usual_step = float(np.median(np.diff(truth.time)))
+    gaps = _gaps(true.time, truth.time, max(options.gap_s, _SPARSE * usual_step))
     gaps += _gaps(laid.time, estimate.time, options.gap_s)
     lengths, pairs = _segments(
         true, laid, gaps, over=options.drift_over_m, apart=options.stations_m
@@ -209,11 +210,6 @@ def _tracked(truth: TimedPoses, estimate: TimedPoses, gap: float) -> float:
     steps = np.diff(estimate.time[within])
     whole = float(truth.time[-1] - truth.time[0])
     return min(float(steps[steps <= gap + SAME_TIME].sum()) / whole, 1.0)
-
-
-def _usual_step(poses: TimedPoses) -> float:
-    """Time from one pose to the next, of most of them [s]."""
-    return float(np.median(np.diff(poses.time)))
 
 
 def _gaps(time: Array, of: Array, gap: float) -> NDArray[np.intp]:

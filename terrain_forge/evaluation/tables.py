@@ -138,23 +138,32 @@ def write_scores(scores: Sequence[Score], folder: Path, *, failures: Failures = 
     return write_table(score_rows(scores), whole, folder)
 
 
-def write_table(rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
-    """Write a table as evaluation.csv and evaluation.tex, and all of it as evaluation.json."""
-    return write_table_as(TABLE, rows, whole, folder)
-
-
-def write_table_as(name: str, rows: list[list[str]], whole: Any, folder: Path) -> list[Path]:
+def write_table(
+    rows: list[list[str]], whole: Any, folder: Path, *, name: str = TABLE
+) -> list[Path]:
     """Write a table as CSV and LaTeX, and all of it as JSON; returns the files, JSON first."""
+    told = json.dumps(whole, indent=1) + "\n"
+    return write_texts(name, folder, json=told, csv=csv_table(rows), tex=latex_table(rows))
+
+
+def write_texts(name: str, folder: Path, **texts: str) -> list[Path]:
+    """Write texts as files of a name, each by its ending; returns them."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"{name}.{ending}" for ending in ("json", "csv", "tex")]
-    texts = (
-        json.dumps(whole, indent=1) + "\n",
-        "".join(",".join(map(quoted, row)) + "\n" for row in rows),
-        latex_table(rows),
-    )
-    for path, text in zip(paths, texts, strict=True):
+    paths = [folder / f"{name}.{ending}" for ending in texts]
+    for path, text in zip(paths, texts.values(), strict=True):
         write_whole(path, text)
     return paths
+
+
+def csv_table(rows: Sequence[Sequence[str]]) -> str:
+    """A table as CSV, its heading first."""
+    return "".join(",".join(map(quoted, row)) + "\n" for row in rows)
+
+
+def text_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table as lines of text, all columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:

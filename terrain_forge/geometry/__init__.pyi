@@ -67,6 +67,7 @@ from .rock_mesh import write_rocks_glb as write_rocks_glb
 from .rock_properties import inertias as inertias
 from .rock_properties import principal_axes as principal_axes
 from .rover_meshes import RoverLook as RoverLook
+from .rover_meshes import rover_instances as rover_instances
 from .rover_meshes import rover_looks as rover_looks
 from .rover_meshes import rover_mesh as rover_mesh
 from .rover_meshes import shape_triangles as shape_triangles

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import Array, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    linear_from_srgb,
+    matrix_from_quaternion,
+    quaternion_from_rpy,
+)
 from terrain_forge.model import Mesh, Rover, Shape
+from terrain_forge.scene import Instances
 from terrain_forge.writers import write_obj
 
 _SIDES = 20
+_SMOOTH = 1e-6
+"""Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
 
 def rover_mesh(link: int, shape: int) -> str:
@@ -56,6 +65,21 @@ def rover_looks(rover: Rover) -> list[RoverLook]:
             faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
             looks.append(RoverLook(link.name, Mesh(vertices=corners, faces=faces), rgb))
     return looks
+
+
+def rover_instances(looks: Sequence[RoverLook], places: Mapping[str, Array]) -> Instances:
+    """A rover's looks where their links are in its frame at rest [m], for the renderer."""
+    count = len(looks)
+    colours = np.array([look.rgb for look in looks]).reshape(-1, 3)
+    return Instances(
+        meshes=tuple(look.mesh for look in looks),
+        mesh=np.arange(count, dtype=np.int32),
+        position=np.array([places[look.link] for look in looks]).reshape(-1, 3),
+        rotation=np.tile(np.eye(3), (count, 1, 1)),
+        scale=np.ones(count),
+        grain=np.full(count, _SMOOTH),
+        rgb=linear_from_srgb(np.round(255.0 * colours) / 255.0),
+    )
 
 
 def shape_triangles(shape: Shape) -> Array:

@@ -76,13 +76,6 @@ class TileGrid:
             rows=min(self.cells, self.rows - south),
         )
 
-    def touching(self, window: Window) -> Iterator[int]:
-        """Numbers of the tiles that share cells with a window."""
-        for row in range(window.row // self.cells, -(-(window.row + window.rows) // self.cells)):
-            first, end = window.column // self.cells, window.column + window.columns
-            for column in range(first, -(-end // self.cells)):
-                yield row * self.across + column
-
     @property
     def usual_nodes(self) -> int:
         """Nodes of most tiles along a side; pictures of all tiles are as fine as theirs."""

@@ -10,8 +10,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import Array, DataError, given_numbers, linear_from_srgb
-from terrain_forge.geometry import rover_looks
+from terrain_forge.base import Array, DataError, given_numbers
+from terrain_forge.geometry import rover_instances, rover_looks
 from terrain_forge.model import World
 from terrain_forge.scene import (
     SKIN,
@@ -28,8 +28,6 @@ from terrain_forge.sensors.motion import Motion
 from terrain_forge.terrain import heights_beyond
 
 _KEPT = 8
-_SMOOTH = 1e-6
-"""Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
 
 
 class Scenery:
@@ -65,18 +63,7 @@ class Scenery:
 
         `rgb` is their linear albedo.
         """
-        looks, origins = self._looks, self.world.rover.origins
-        count = len(looks)
-        colours = np.array([look.rgb for look in looks]).reshape(-1, 3)
-        return Instances(
-            meshes=tuple(look.mesh for look in looks),
-            mesh=np.arange(count, dtype=np.int32),
-            position=np.array([origins[look.link] for look in looks]).reshape(-1, 3),
-            rotation=np.tile(np.eye(3), (count, 1, 1)),
-            scale=np.ones(count),
-            grain=np.full(count, _SMOOTH),
-            rgb=linear_from_srgb(np.round(255.0 * colours) / 255.0),
-        )
+        return rover_instances(self._looks, self.world.rover.origins)
 
     @cached_property
     def _shapes(self) -> BodyShapes:

@@ -32,8 +32,6 @@ class Above(Record):
     """Angle that the Sun fills [rad], shape [times]."""
     earth: Array = field(metadata=shaped("times", 3))
     """Unit vectors to the Earth's middle, as it is seen, shape [times, 3]."""
-    earth_distance: Array = field(metadata=shaped("times"))
-    """Distance of the Earth [m], shape [times]."""
     earth_diameter: Array = field(metadata=shaped("times"))
     """Angle that the Earth fills [rad], shape [times]."""
     earth_sun: Array = field(metadata=shaped("times", 3))
@@ -75,7 +73,6 @@ def look_up(ephemeris: Ephemeris, lonlat: tuple[float, float], days: Array) -> A
         sun_distance=distances[0] / AU,
         sun_diameter=2.0 * portable.arcsin(SUN_RADIUS / distances[0]),
         earth=portable.product(seen[1], local.T),
-        earth_distance=1e3 * distances[1],
         earth_diameter=2.0 * portable.arcsin(1e-3 * EARTH_RADIUS / distances[1]),
         earth_sun=portable.product((sun - earth) / distances[0][:, None], local.T),
         celestial=(local[None, :, :, None] * turn[:, None, :, :]).sum(axis=2),

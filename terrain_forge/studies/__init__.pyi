@@ -9,7 +9,6 @@ from .effects import Outcome as Outcome
 from .effects import effect_rows as effect_rows
 from .effects import effects_of as effects_of
 from .effects import outcome_rows as outcome_rows
-from .effects import text_table as text_table
 from .factors import Factor as Factor
 from .factors import Level as Level
 from .running import CellCost as CellCost

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import write_whole
-from terrain_forge.evaluation import latex_table
+from terrain_forge.evaluation import csv_table, latex_table, text_table, write_texts
 from terrain_forge.studies.cells import Cell, Study
 
 MEASURES = {
@@ -209,12 +206,6 @@ def outcome_rows(study: Study, outcomes: Sequence[Outcome]) -> list[list[str]]:
     return rows
 
 
-def text_table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table as lines of text."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
-
-
 def write_tables(study: Study, outcomes: Sequence[Outcome], out: Path) -> list[Path]:
     """Write cells and effects as text, CSV, LaTeX and JSON; returns the files."""
     effects = effects_of(study, outcomes)
@@ -223,16 +214,7 @@ def write_tables(study: Study, outcomes: Sequence[Outcome], out: Path) -> list[P
         tables["effects"] = effect_rows(effects)
     paths = []
     for name, rows in tables.items():
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        for suffix, content in (
-            ("txt", "\n".join([study.file.spec.about, *text_table(rows), ""]).lstrip("\n")),
-            ("csv", text.getvalue()),
-            ("tex", latex_table(rows)),
-        ):
-            paths.append(out / f"{name}.{suffix}")
-            write_whole(paths[-1], content)
+        text = "\n".join([study.file.spec.about, *text_table(rows), ""]).lstrip("\n")
+        paths += write_texts(name, out, txt=text, csv=csv_table(rows), tex=latex_table(rows))
     plain = [vars(one) for one in effects]
-    paths.append(out / "effects.json")
-    write_whole(paths[-1], json.dumps(plain, indent=1) + "\n")
-    return paths
+    return paths + write_texts("effects", out, json=json.dumps(plain, indent=1) + "\n")

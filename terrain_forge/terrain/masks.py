@@ -180,7 +180,8 @@ def mask_weight(mask: Mask, *, site: Site, window: Window, elevation: Array) -> 
         band = mask.height
         weight *= _within(elevation, band.above_m, band.below_m, band.fade_m)
     if mask.slope is not None:
-        weight *= _slope_weight(mask.slope, elevation, site.spacing)
+        cells = stencil_cells(mask.slope.baseline_m, site.spacing)
+        weight *= _within_slopes(mask.slope, steepness(elevation, cells, site.spacing))
     if mask.hollow is not None:
         weight *= _relief_weight(mask.hollow, elevation, site.spacing, _AXES, np.mean)
     if mask.roughness is not None:
@@ -339,13 +340,6 @@ def _within(value: Array, low: float | None, high: float | None, width: float) -
     if high is not None:
         weight *= fade(value, high, high + width)
     return weight
-
-
-def _slope_weight(band: SlopeBand, elevation: Array, spacing: float) -> Array:
-    """The weight of heights by their slope."""
-    return _within_slopes(
-        band, steepness(elevation, stencil_cells(band.baseline_m, spacing), spacing)
-    )
 
 
 def _within_slopes(band: SlopeBand, rise: Array) -> Array:

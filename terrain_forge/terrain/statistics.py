@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
-from terrain_forge.dtm import Nodes, PixelFrame, Pixels, scale_error, site_warnings
+from terrain_forge.dtm import (
+    Nodes,
+    PixelFrame,
+    Pixels,
+    plane_through,
+    scale_error,
+    site_warnings,
+)
 from terrain_forge.model import Heightfield, Roughness, Site
 
 _PER_DEGREE = 100
@@ -239,7 +246,7 @@ def radial_spectrum(heights: Array, spacing: float, bins: int = 24) -> tuple[Arr
         return np.empty(0), np.empty(0)
     window = np.hanning(rows)[:, None] * np.hanning(columns)[None, :]
     window /= np.sqrt(np.mean(window**2))
-    power = np.abs(np.fft.rfft2((heights - best_plane(heights)) * window)) ** 2
+    power = np.abs(np.fft.rfft2((heights - plane_through(heights)) * window)) ** 2
     power *= spacing**2 / heights.size
     north, east = np.fft.fftfreq(rows, spacing), np.fft.rfftfreq(columns, spacing)
     number = np.hypot(north[:, None], east[None, :])
@@ -287,13 +294,3 @@ def spectral_exponent(
     rest = y - y.mean() - slope * x
     error = np.sqrt(np.sum(rest**2) / max(inside.sum() - 2, 1) / np.sum(x**2))
     return -0.5 * slope - 1.0, float(0.5 * error)
-
-
-def best_plane(heights: Array) -> Array:
-    """The plane of least squares through a grid of heights [m]."""
-    rows, columns = heights.shape
-    x = np.linspace(-1.0, 1.0, columns)[None, :]
-    y = np.linspace(-1.0, 1.0, rows)[:, None]
-    across = np.mean(heights * x) / np.mean(x**2)
-    along = np.mean(heights * y) / np.mean(y**2)
-    return np.asarray(heights.mean() + across * x + along * y)

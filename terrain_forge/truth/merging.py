@@ -20,8 +20,8 @@ from terrain_forge.base import Array, portable
 from terrain_forge.model import Site, World
 from terrain_forge.rocks import Expectation, PopulationSpec, find_overlaps
 from terrain_forge.truth.counts import ExpectedCounts, Sample
-from terrain_forge.truth.size_frequency import curve_columns, expected_above
-from terrain_forge.truth.statistics import CONFIDENCE, SIGNIFICANCE, deviation, smirnov
+from terrain_forge.truth.size_frequency import compared_totals, curve_columns
+from terrain_forge.truth.statistics import CONFIDENCE, SIGNIFICANCE, smirnov
 
 _POINTS, _FINER = 65, 8
 """Diameters of a curve, and classes between neighbours of them."""
@@ -171,33 +171,20 @@ def _together(sums: Sequence[_Sum], area: float, cell: float) -> dict[str, Any]:
 def _compared(area: float, cell: float, sums: Sequence[_Sum]) -> dict[str, Any]:
     """Rocks of some populations against the sum of what they should be."""
     wanted = [one.wanted for one in sums]
-    smallest = min(part.smallest for part in wanted)
-    number, variance, covered, covered_variance = (
-        float(values) for values in expected_above(wanted, np.array(smallest))
-    )
     count, nodes = (sum(one.whole[name] for one in sums) for name in ("number", "nodes"))
-    cover = float(sum(one.cover.sum() for one in sums))
+    totals = compared_totals(wanted, area, count, float(sum(one.cover.sum() for one in sums)))
+    totals["cover"] |= {
+        "outline": nodes * cell / area,
+        "outline_error": float(np.sqrt(nodes)) * cell / area,
+    }
+    (smallest, _), number = totals["diameter_m"], totals["count"]["expected"]
     at = sums[0].edges[::_FINER] if len(sums) == 1 else None
     if at is None:
         at = portable.geomspace(smallest, max(float(s.edges[-1]) for s in sums), _POINTS)
     larger = np.sum([_at(at, one, 0) for one in sums], axis=0)
     found = np.sum([_at(at, one, 1) for one in sums], axis=0)
     return {
-        "diameter_m": [smallest, max(part.largest for part in wanted)],
-        "count": {
-            "expected": number,
-            "observed": count,
-            "standard_deviation": float(np.sqrt(variance)),
-            "z": deviation(count, number, variance),
-        },
-        "cover": {
-            "expected": covered / area,
-            "observed": cover / area,
-            "standard_deviation": float(np.sqrt(covered_variance)) / area,
-            "z": deviation(cover, covered, covered_variance),
-            "outline": nodes * cell / area,
-            "outline_error": float(np.sqrt(nodes)) * cell / area,
-        },
+        **totals,
         "kolmogorov_smirnov": _distance(sums[0], number) if len(sums) == 1 else None,
         "curve": curve_columns(at, wanted, area, larger, found),
     }

@@ -205,29 +205,14 @@ def _verification(
     """The comparison of the rocks of some populations with the sum of what they should be."""
     field = sample.select(names)
     diameters = np.sort(field.diameter)
-    smallest = min(part.smallest for part in wanted)
     outline, outline_error = sample.outline(names)
-    number, variance, covered, covered_variance = (
-        float(values) for values in expected_above(wanted, np.array(smallest))
-    )
     cover = float(np.sum(0.25 * np.pi * diameters**2))
+    totals = compared_totals(wanted, sample.area, len(diameters), cover)
+    totals["cover"] |= {"outline": outline, "outline_error": outline_error}
+    number = totals["count"]["expected"]
     mixed = len(wanted) > 1 and any(part.expectation.area_variance > 0.0 for part in wanted)
     return {
-        "diameter_m": [smallest, max(part.largest for part in wanted)],
-        "count": {
-            "expected": number,
-            "observed": len(diameters),
-            "standard_deviation": float(np.sqrt(variance)),
-            "z": deviation(len(diameters), number, variance),
-        },
-        "cover": {
-            "expected": covered / sample.area,
-            "observed": cover / sample.area,
-            "standard_deviation": float(np.sqrt(covered_variance)) / sample.area,
-            "z": deviation(cover, covered, covered_variance),
-            "outline": outline,
-            "outline_error": outline_error,
-        },
+        **totals,
         "kolmogorov_smirnov": None
         if mixed
         else kolmogorov_smirnov(
@@ -235,6 +220,31 @@ def _verification(
         ),
         "clark_evans": clark_evans(field.position[:, :2], sample.area, sample.perimeter),
         "curve": _curve(diameters, wanted, sample.area),
+    }
+
+
+def compared_totals(
+    wanted: Sequence[ExpectedCounts], area: float, count: int, cover: float
+) -> dict[str, Any]:
+    """How many rocks were found on an area [m²], and their sum of πD²/4 [m²], beside the laws'."""
+    smallest = min(part.smallest for part in wanted)
+    number, variance, covered, covered_variance = (
+        float(values) for values in expected_above(wanted, np.array(smallest))
+    )
+    return {
+        "diameter_m": [smallest, max(part.largest for part in wanted)],
+        "count": {
+            "expected": number,
+            "observed": count,
+            "standard_deviation": float(np.sqrt(variance)),
+            "z": deviation(count, number, variance),
+        },
+        "cover": {
+            "expected": covered / area,
+            "observed": cover / area,
+            "standard_deviation": float(np.sqrt(covered_variance)) / area,
+            "z": deviation(cover, covered, covered_variance),
+        },
     }
 
 

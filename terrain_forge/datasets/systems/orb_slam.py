@@ -42,7 +42,8 @@ def orb_slam_files(rig: Rig) -> dict[str, str]:
     for camera in rig.cameras[:1]:
         stamps = camera.stamps.tolist()
         found["orbslam3/times.txt"] = "".join(f"{stamp}\n" for stamp in stamps)
-        found["orbslam3/mono.yaml"] = OPENCV + _one(camera) + _end(camera)
+        own = lines(_pinhole(camera, 1, straight=False))
+        found["orbslam3/mono.yaml"] = OPENCV + _head(_kind(camera)) + own + _end(camera)
         if "depth" in camera.channels and (straight_stream(camera) or _kind(camera) == "PinHole"):
             found["orbslam3/rgbd.yaml"] = _rgbd(rig, camera)
     if pair := rig.pair:
@@ -72,10 +73,6 @@ def _head(kind: str) -> str:
 
 def _kind(camera: RecordedCamera) -> str:
     return "KannalaBrandt8" if camera.distortion[0] == "equidistant" else "PinHole"
-
-
-def _one(camera: RecordedCamera) -> str:
-    return _head(_kind(camera)) + lines(_pinhole(camera, 1, straight=False))
 
 
 def _rectified(pair: StereoPair) -> str:
