@@ -79,15 +79,6 @@ def rest(build, directory, x, y, height):
 
 
 @pytest.mark.consumer
-@pytest.mark.parametrize(("x", "y"), [(6.3, -3.4), (-9.13, 5.77), (0.02, 0.01)])
-def test_a_ball_rests_on_the_ground_in_gazebos_physics(small_world, tmp_path, build, x, y):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    directory = exported(small_world.replace(field=nothing), tmp_path / "sdf", tile_cells=48)
-    wanted = resting_height(small_world.ground, x, y, 0.2)
-    assert rest(build, directory, x, y, wanted + 0.3) == pytest.approx(wanted, abs=0.002)
-
-
-@pytest.mark.consumer
 @pytest.mark.parametrize(("x", "y"), [(6.3, -3.4), (-9.13, 5.77), (9.02, 6.01)])
 def test_a_ball_rests_on_a_heightmap_in_gazebos_physics(small_world, tmp_path, build, x, y):
     nothing = small_world.field.select(np.zeros(len(small_world.field), bool))

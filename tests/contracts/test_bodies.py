@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ import rasterio
 import terrain_forge as tf
 from terrain_forge.base.given import trusting
 from terrain_forge.building.checking import check_raster
-from terrain_forge.model import BODIES, World, exporter
+from terrain_forge.model import BODIES, World
 from terrain_forge.model.body import unfit
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.terrain import LIMITS, fresh_shapes
@@ -81,46 +80,6 @@ def test_a_world_has_craters_rocks_and_the_body_s_soil(worlds, body):
 def test_a_saved_world_knows_its_body_without_asking_for_it(worlds, body, tmp_path):
     worlds[body.name].save(tmp_path)
     assert World.load(tmp_path).site.body == body
-
-
-def sdf(folder, name):
-    root = ET.parse(folder / "world.sdf").getroot()
-    ground = ET.parse(folder / f"models/{name}_ground/model.sdf").getroot()
-    down = float(root.find(".//gravity").text.split()[2])
-    return -down, {float(element.text) for element in ground.iter("mu")}
-
-
-def mjcf(folder, name):
-    import mujoco
-
-    model = mujoco.MjModel.from_xml_path(str(folder / "world.xml"))
-    grounds = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
-    return -model.opt.gravity[2], {round(float(model.geom_friction[n, 0]), 6) for n in grounds}
-
-
-def usd(folder, name):
-    from pxr import Usd, UsdPhysics, UsdShade
-
-    stage = Usd.Stage.Open(str(folder / "world.usda"))
-    prims = list(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
-    scene = next(UsdPhysics.Scene(p) for p in prims if p.IsA(UsdPhysics.Scene))
-    found = set()
-    for prim in prims:
-        if prim.HasAPI(UsdPhysics.CollisionAPI) and "/Ground/" in str(prim.GetPath()):
-            look = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
-            material = UsdPhysics.MaterialAPI(look.GetPrim())
-            found.add(round(material.GetDynamicFrictionAttr().Get(), 6))
-    return scene.GetGravityMagnitudeAttr().Get(), found
-
-
-@ALL
-@pytest.mark.parametrize("read", [sdf, mjcf, usd])
-def test_each_format_has_its_gravity_and_friction(worlds, tmp_path, body, read):
-    module = exporter(read.__name__)
-    module.export(worlds[body.name], tmp_path, options=module.Options())
-    gravity, friction = read(tmp_path, body.name)
-    assert gravity == pytest.approx(body.gravity)
-    assert friction == {body.friction.regolith.coefficient}
 
 
 @ALL

@@ -70,10 +70,8 @@ def frictions(world, folder, kind, **options):
     return tuple(READERS[kind](target))
 
 
-@pytest.mark.parametrize(
-    ("kind", "body"),
-    [*((kind, MARS) for kind in READERS), *(("mjcf", body) for body in BODIES.values())],
-)
+@pytest.mark.parametrize("kind", READERS)
+@pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
 def test_each_surface_has_the_friction_of_its_body(small_world, tmp_path, kind, body):
     dynamic = np.arange(len(small_world.field)) % 3 == 0
     world = small_world.replace(

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import MOON, Table
-from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks import LibrarySpec, RocksSpec
 from terrain_forge.terrain import (
     BodyProduction,
     CraterLayer,
@@ -15,6 +12,7 @@ from terrain_forge.terrain import (
 )
 from terrain_forge.terrain.cratering import degradation
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 ALPHA = 0.001
 KM2 = 1e-6
@@ -62,16 +60,9 @@ def everywhere(spec, place):
 
 def recipe(*layers, **changes):
     """A flat Moon of 100 × 80 m."""
-    spec = {
-        "name": "m",
-        "body": "moon",
-        "dtm": FlatDtm(size_m=(100.0, 80.0), lonlat_deg=(-23.4, -3.0)),
-        "terrain": TerrainSpec(spacing_m=0.5, layers=layers),
-        "rocks": RocksSpec(library=LibrarySpec(shapes=2)),
-        "exports": (),
-        **changes,
-    }
-    return Recipe(**spec)
+    more = {"body": "moon", "exports": (), **changes}
+    terrain = {"layers": layers}
+    return flat((100.0, 80.0), 0.5, shapes=2, lonlat=(-23.4, -3.0), terrain=terrain, **more)
 
 
 def near(x, y, radius):

@@ -3,7 +3,7 @@
 import pytest
 
 import terrain_forge as tf
-from terrain_forge.dtm import FlatDtm
+from tests.helpers.recipes import flat
 
 ID = "terrain_forge.learning:TerrainForge/Drive-v0"
 
@@ -12,13 +12,11 @@ def recipe() -> tf.Recipe:
     rocks = tf.PopulationSpec(
         name="rocks", size_frequency=tf.Golombek(k=0.05), diameter_m=(0.4, 0.9)
     )
-    return tf.Recipe(
-        name="drive",
+    return flat(
+        *((10.0, 8.0), 0.1),
         seed=5,
-        body="mars",
-        dtm=FlatDtm(size_m=(10.0, 8.0)),
         horizon=tf.HorizonSpec(reach_m=0),
-        terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
+        terrain={"layers": (tf.Fractal(),)},
         rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=(rocks,)),
         rover="skid4",
         exports={"mjcf": {"timestep_s": 0.005, "visual_min_m": 2, "texture_pixels": 16}},

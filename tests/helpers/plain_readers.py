@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,23 @@ _KINDS = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
+def glb_chunks(data: bytes) -> tuple[dict, bytes]:
+    """The JSON and the binary chunk of a GLB."""
+    magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
+    assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON")
+    rest, kind = struct.unpack_from("<I4s", data, 20 + length)
+    assert (rest, kind) == (total - 28 - length, b"BIN\0")
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
 def glb_parts(path: Path) -> tuple[dict, list]:
     """The JSON of a GLB and the values of its accessors, shape [count, numbers]."""
-    data = path.read_bytes()
-    length = int.from_bytes(data[12:16], "little")
-    text, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+    return glb_arrays(path.read_bytes())
+
+
+def glb_arrays(data: bytes) -> tuple[dict, list]:
+    """`glb_parts` of a file's bytes."""
+    text, binary = glb_chunks(data)
     arrays = []
     for accessor in text["accessors"]:
         width, start = (

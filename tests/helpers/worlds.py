@@ -8,7 +8,6 @@ import numpy as np
 import trimesh
 
 from terrain_forge.base import quaternion_from_rpy
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_horizon
 from terrain_forge.model import (
     MARS,
@@ -27,7 +26,8 @@ from terrain_forge.model import (
     Trajectory,
     World,
 )
-from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
+from terrain_forge.recipe import recipe_json
+from tests.helpers.recipes import flat
 
 SIZE = (24.0, 16.0)
 SPACING = 0.25
@@ -37,17 +37,6 @@ def hill(east, north):
     """A tilted plane with one off-centre bump and some ripples [m]."""
     bump = 1.2 * np.exp(-((east - 6) ** 2 + (north + 3) ** 2) / 8)
     return 0.05 * east - 0.02 * north + bump + 0.03 * np.sin(3.1 * east + 1.7 * north)
-
-
-def _recipe() -> Recipe:
-    """A recipe that makes nothing of what is on the site."""
-    return Recipe(
-        name="by-hand",
-        seed=1,
-        body="mars",
-        dtm=FlatDtm(size_m=SIZE),
-        terrain=TerrainSpec(spacing_m=SPACING),
-    )
 
 
 def site() -> Site:
@@ -70,7 +59,7 @@ def site() -> Site:
         meshes=(),
         inputs=(),
         routes=(),
-        recipe_json=recipe_json(_recipe()),
+        recipe_json=recipe_json(flat(SIZE, SPACING, name="by-hand", seed=1)),
     )
 
 

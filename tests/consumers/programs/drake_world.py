@@ -1,16 +1,14 @@
 """Drake as a consumer: load a world strictly, ask it for geometry, drop balls on it.
 
 Reads JSON from standard input: world [path], gravity [m/s²], balls [[x, y, z], …] of radius 0.2 m
-on vertical sliders, rovers [paths], seconds, points [[x, y, z], …]. Writes JSON: heights where the
-balls end, places where the free bodies end, their masses, inertias and poses at the start, and the
-points' signed distances to each geometry, and the geometries' friction.
+on vertical sliders, rovers [paths], seconds. Writes JSON: heights where the balls end, places where
+the free bodies end, and the geometries' friction.
 """
 
 import json
 import logging
 import sys
 
-import numpy as np
 from pydrake.geometry import DefaultProximityProperties, Role, SceneGraphConfig
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -47,7 +45,7 @@ soft = DefaultProximityProperties(
 scene_graph.set_config(SceneGraphConfig(default_proximity_properties=soft))
 parser = Parser(plant)
 parser.SetStrictParsing()
-models = parser.AddModels(order["world"])
+parser.AddModels(order["world"])
 for n, (x, y, z) in enumerate(order.get("balls", ())):
     parser.AddModelsFromString(BALL.format(n=n, x=x, y=y, z=z), "sdf")
 # Files of others may say what Drake does not know, which strict parsing would refuse.
@@ -57,31 +55,9 @@ plant.mutable_gravity_field().set_gravity_vector([0, 0, -order["gravity"]])
 plant.Finalize()
 diagram = builder.Build()
 simulator = Simulator(diagram)
-context = simulator.get_mutable_context()
-own = plant.GetMyContextFromRoot(context)
+own = plant.GetMyContextFromRoot(simulator.get_mutable_context())
 
-free = {}
-for index in plant.GetFloatingBaseBodies():
-    body = plant.get_body(index)
-    pose = plant.EvalBodyPoseInWorld(own, body)
-    spatial = body.default_spatial_inertia()
-    free[plant.GetModelInstanceName(body.model_instance())] = {
-        "mass": spatial.get_mass(),
-        "centre": spatial.get_com().tolist(),
-        "inertia": spatial.CalcRotationalInertia().CopyToFullMatrix3().tolist(),
-        "position": pose.translation().tolist(),
-        "rotation": pose.rotation().matrix().tolist(),
-    }
-
-query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(context))
 inspector = scene_graph.model_inspector()
-distances = [
-    {
-        inspector.GetName(found.id_G): found.distance
-        for found in query.ComputeSignedDistanceToPoint(np.array(point, float))
-    }
-    for point in order.get("points", ())
-]
 frictions = {
     inspector.GetName(geometry): inspector.GetProximityProperties(geometry)
     .GetProperty("material", "coulomb_friction")
@@ -98,12 +74,9 @@ places = {
     for body in map(plant.get_body, plant.GetFloatingBaseBodies())
 }
 answer = {
-    "models": [plant.GetModelInstanceName(model) for model in models],
     "complaints": complaints.texts,
     "balls": [pose.translation()[2] for pose in ends],
     "places": {name: pose.translation().tolist() for name, pose in places.items()},
-    "free": free,
-    "distances": distances,
     "frictions": frictions,
 }
 sys.stdout.write(json.dumps(answer))

@@ -1,7 +1,5 @@
 """Large rocks near paths are drawn by their close meshes; nothing that is touched changes."""
 
-import json
-import struct
 from functools import cache, partial
 from xml.etree import ElementTree as ET
 
@@ -20,6 +18,7 @@ from terrain_forge.model import CLOSE, Mesh
 from terrain_forge.rocks import seen_close
 from terrain_forge.scene import open_scene
 from terrain_forge.scene.subject import subject_of
+from tests.helpers.plain_readers import glb_parts
 
 
 def subdivided(mesh):
@@ -82,8 +81,7 @@ def in_sdf(folder):
 
 
 def in_glb(folder):
-    data = (folder / "world.glb").read_bytes()
-    text = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    text, _ = glb_parts(folder / "world.glb")
     return {
         int(node["name"].split("_")[1])
         for node in text["nodes"]

@@ -1,17 +1,15 @@
 import json
-import struct
 from importlib import import_module
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.glb import Options, export
 from terrain_forge.exporters.glb.rocks import node_texts
 
-from terrain_forge.base import ExportError, linear_from_srgb, xyzw
+from terrain_forge.base import ExportError, linear_from_srgb
 from terrain_forge.geometry import rock_maps, rock_texture, skin
-from terrain_forge.model import rotations
 from terrain_forge.scene import rock_tints, tint_colours
 from tests.helpers.ground_pictures import (
     PIXELS,
@@ -21,9 +19,7 @@ from tests.helpers.ground_pictures import (
     speckled,
 )
 from tests.helpers.node import run_node
-from tests.helpers.surfaces import random_points, top_under
-
-COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+from tests.helpers.plain_readers import glb_parts
 
 
 def exported(world, directory, **options):
@@ -32,28 +28,6 @@ def exported(world, directory, **options):
     assert [path.name for path in directory.iterdir()] == ["world.glb"]
     assert list(map(str, report.files)) == ["world.glb"]
     return directory / "world.glb"
-
-
-def chunks(path):
-    """The JSON and the binary chunk, read by hand."""
-    data = path.read_bytes()
-    magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
-    assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON")
-    rest, kind = struct.unpack_from("<I4s", data, 20 + length)
-    assert kind == b"BIN\0"
-    assert 28 + length + rest == total
-    return json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
-def array(path, accessor):
-    text, binary = chunks(path)
-    accessor = text["accessors"][accessor]
-    view = text["bufferViews"][accessor["bufferView"]]
-    width = COMPONENTS[accessor["type"]]
-    count = accessor["count"] * width
-    kind = {5126: "<f4", 5121: "u1"}[accessor["componentType"]]
-    assert accessor.get("normalized", False) == (kind == "u1")
-    return np.frombuffer(binary, kind, count, view["byteOffset"]).reshape(-1, width)
 
 
 @pytest.fixture(scope="module")
@@ -78,36 +52,8 @@ def placed(scene, prefix):
             yield node, np.stack([x, -z, y], axis=-1), mesh.faces
 
 
-def test_the_ground_reads_back(small_world, scene):
-    points = random_points(small_world.ground, 2000, 21)
-    heights = np.full(len(points), -np.inf)
-    tiles = list(placed(scene, "ground_"))
-    assert len(tiles) == 4
-    for _, vertices, faces in tiles:
-        heights = np.maximum(heights, top_under(vertices, faces, points))
-    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
-    assert np.abs(heights - wanted).max() < 1e-5
-
-
-def test_large_rocks_stand_where_they_are(small_world, scene):
-    field, shapes = small_world.field, small_world.library.prototypes
-    found = {name: vertices for name, vertices, _ in placed(scene, "rock_")}
-    large = np.flatnonzero(field.diameter >= 0.5)
-    assert set(found) == {f"rock_{field.id[row]}" for row in large}
-    turns = rotations(field)
-    for row in large:
-        points = shapes[field.prototype[row]].meshes[0].vertices * field.scale[row]
-        wanted = points @ turns[row].T + field.position[row]
-        vertices = found[f"rock_{field.id[row]}"]
-        tolerance = 1e-5 * field.diameter[row]
-        assert vertices.min(0) == pytest.approx(wanted.min(0), abs=tolerance)
-        assert vertices.max(0) == pytest.approx(wanted.max(0), abs=tolerance)
-        apart = np.linalg.norm(wanted[:, None] - vertices, axis=2).min(axis=1)
-        assert apart.max() < tolerance
-
-
 def test_large_rocks_share_their_meshes(small_world, glb):
-    text, _ = chunks(glb)
+    text, _ = glb_parts(glb)
     field = small_world.field
     large = field.diameter >= 0.5
     tints = rock_tints(field.id[large], small_world.site.seed)
@@ -116,18 +62,6 @@ def test_large_rocks_share_their_meshes(small_world, glb):
     assert len(shared) == len(kinds) <= large.sum()
     positions = {mesh["primitives"][0]["attributes"]["POSITION"] for mesh in shared}
     assert len(positions) == len({prototype for prototype, *_ in kinds})
-
-
-def test_small_rocks_are_merged(small_world, scene):
-    field, turns = small_world.field, rotations(small_world.field)
-    merged = np.concatenate([vertices for _, vertices, _ in placed(scene, "rocks_")])
-    small = np.flatnonzero(field.diameter < 0.5)
-    assert len(small) > 5
-    for row in small:
-        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
-        points = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
-        top = points[points[:, 2].argmax()]
-        assert np.linalg.norm(merged - top, axis=1).min() < 1e-5
 
 
 def test_the_texture_lies_the_right_way(small_world, tmp_path):
@@ -139,11 +73,11 @@ def test_the_texture_lies_the_right_way(small_world, tmp_path):
         pixels = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
         u, v = mesh.visual.uv.T  # trimesh turns v over: here it runs up
         assert shows_its_nodes(pixels, u, v, world, vertices)
-    assert "KHR_texture_transform" not in chunks(path)[0]["extensionsUsed"]
+    assert "KHR_texture_transform" not in glb_parts(path)[0]["extensionsUsed"]
 
 
 def test_the_soils_normals_repeat_where_they_belong(small_world, glb, scene):
-    text, _ = chunks(glb)
+    text, arrays = glb_parts(glb)
     assert "KHR_texture_transform" in text["extensionsUsed"]
     looks = {material["name"]: material for material in text["materials"]}
     for name, vertices, _ in placed(scene, "ground_"):
@@ -154,8 +88,8 @@ def test_the_soils_normals_repeat_where_they_belong(small_world, glb, scene):
         place = normals["extensions"]["KHR_texture_transform"]
         mesh = scene.geometry[scene.graph[name][1]]
         part = next(m for m in text["meshes"] if m["name"] == name)["primitives"][0]
-        tangents = array(glb, part["attributes"]["TANGENT"])
-        upright = array(glb, part["attributes"]["NORMAL"])
+        tangents = arrays[part["attributes"]["TANGENT"]]
+        upright = arrays[part["attributes"]["NORMAL"]]
         assert np.allclose(np.linalg.norm(tangents[:, :3], axis=1), 1, atol=1e-6)
         assert np.abs((tangents[:, :3] * upright).sum(axis=1)).max() < 1e-6
         across = np.cross(upright, tangents[:, :3]) * tangents[:, 3:]
@@ -192,7 +126,7 @@ def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
 
 def test_merged_rocks_have_their_own_colours_and_dust_on_top(small_world, glb):
     """What factor and vertices show together is a rock's colour below, mostly soil above."""
-    text, _ = chunks(glb)
+    text, arrays = glb_parts(glb)
     soil = linear_from_srgb(small_world.site.body.ground_rgb)
     looks = {look["name"]: look for look in text["materials"]}
     corners = {node["name"]: node["translation"] for node in text["nodes"] if "translation" in node}
@@ -203,12 +137,12 @@ def test_merged_rocks_have_their_own_colours_and_dust_on_top(small_world, glb):
             if f"_{name}" not in mesh["name"] or "rock_shape" in mesh["name"]:
                 continue
             part = mesh["primitives"][0]["attributes"]
-            colours = array(glb, part["COLOR_0"])
-            up = array(glb, part["NORMAL"])[:, 2]
+            colours = arrays[part["COLOR_0"]]
+            up = arrays[part["NORMAL"]][:, 2]
             assert (colours[:, 3] == 255).all()
             factor = looks[f"{name}_merged"]["pbrMetallicRoughness"]["baseColorFactor"][:3]
             shown = colours[:, :3] / 255.0 * factor
-            places = array(glb, part["POSITION"]) + corners[mesh["name"]]
+            places = arrays[part["POSITION"]] + corners[mesh["name"]]
             rocks = small_world.field.select(small_world.field.population == population)
             away = np.linalg.norm(places[:, None] - rocks.position, axis=2) / rocks.scale
             own = bare[rock_tints(rocks.id, small_world.site.seed)[away.argmin(axis=1)]]
@@ -222,7 +156,7 @@ def test_merged_rocks_have_their_own_colours_and_dust_on_top(small_world, glb):
 
 
 def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
-    text, _ = chunks(glb)
+    text, _ = glb_parts(glb)
     node = next(node for node in text["nodes"] if node["name"] == "sun")
     shines = Rotation.from_quat(node["rotation"]).apply([0, 0, -1])
     assert np.allclose(shines, -small_world.lighting.towards_sun, atol=1e-12)
@@ -234,34 +168,11 @@ def test_the_sun_shines_from_where_it_stands(small_world, glb, tmp_path):
     level = light["intensity"] * small_world.lighting.towards_sun[2] / np.pi
     assert 0.5 < level < 1.0  # of its own albedo, in viewers that take lux as they stand
     assert lamp["range"] < 0.01
-    real, _ = chunks(exported(small_world, tmp_path / "real", lights="physical"))
+    real, _ = glb_parts(exported(small_world, tmp_path / "real", lights="physical"))
     (light,) = real["extensions"]["KHR_lights_punctual"]["lights"]
     assert light["intensity"] == pytest.approx(98 * small_world.lighting.irradiance)
-    dim, _ = chunks(exported(small_world, tmp_path / "dim", sun_lux=3))
+    dim, _ = glb_parts(exported(small_world, tmp_path / "dim", sun_lux=3))
     assert dim["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] == 3
-
-
-def test_paths_move_a_node(small_world, glb):
-    trajectory, text = small_world.trajectories[0], chunks(glb)[0]
-    animation = text["animations"][0]
-    assert animation["name"] == "arc"
-    channels = {channel["target"]["path"]: channel for channel in animation["channels"]}
-    assert set(channels) == {"translation", "rotation"}
-    assert text["nodes"][channels["rotation"]["target"]["node"]]["name"] == "path_arc"
-    samplers = {name: animation["samplers"][c["sampler"]] for name, c in channels.items()}
-    time = array(glb, samplers["translation"]["input"])[:, 0].astype(float)
-    positions = array(glb, samplers["translation"]["output"]).astype(float)
-    turns = array(glb, samplers["rotation"]["output"]).astype(float)
-    assert np.allclose(time, trajectory.time, atol=1e-6)
-    assert np.allclose(positions, trajectory.position, atol=1e-5)
-    assert (turns[1:] * turns[:-1]).sum(axis=1).min() > 0.99
-    asked = np.random.default_rng(4).uniform(1, 18, 500)
-    wanted = trajectory.at(asked)
-    between = np.stack([np.interp(asked, time, positions[:, n]) for n in range(3)], axis=-1)
-    assert np.linalg.norm(between - wanted.position, axis=1).max() < 0.005
-    blended = Slerp(time, Rotation.from_quat(turns))(asked)
-    off = blended * Rotation.from_quat(xyzw(wanted.quaternion)).inv()
-    assert off.magnitude().max() < 0.001
 
 
 def test_a_quaternion_never_flips_over(small_world, tmp_path):
@@ -269,8 +180,8 @@ def test_a_quaternion_never_flips_over(small_world, tmp_path):
     rpy[:, 2] = np.linspace(0, 40, len(rpy))
     trajectory = small_world.trajectories[0].replace(rpy=rpy)
     path = exported(small_world.replace(trajectories=(trajectory,)), tmp_path / "glb")
-    sampler = chunks(path)[0]["animations"][0]["samplers"][1]
-    turns = array(path, sampler["output"])
+    text, arrays = glb_parts(path)
+    turns = arrays[text["animations"][0]["samplers"][1]["output"]]
     assert (turns[1:] * turns[:-1]).sum(axis=1).min() > 0.9
 
 
@@ -281,7 +192,7 @@ def test_names_survive(small_world, tmp_path):
         field=small_world.field.replace(populations=("кiesel & co", "boulders")),
         trajectories=(small_world.trajectories[0].replace(name="zum Großen Stein"),),
     )
-    text, _ = chunks(exported(world, tmp_path / "glb"))
+    text, _ = glb_parts(exported(world, tmp_path / "glb"))
     assert text["nodes"][0]["name"] == name
     assert text["nodes"][1]["name"] == "path_zum Großen Stein"
     assert any("кiesel & co" in material["name"] for material in text["materials"])
@@ -290,7 +201,7 @@ def test_names_survive(small_world, tmp_path):
 def test_a_bare_world_without_paths(small_world, tmp_path):
     nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
     world = small_world.replace(field=nothing, trajectories=())
-    text, _ = chunks(exported(world, tmp_path / "glb"))
+    text, _ = glb_parts(exported(world, tmp_path / "glb"))
     assert "animations" not in text
     assert [node["name"] for node in text["nodes"]] == [
         *("by-hand", "sun", "sun_for_blender", "ground_000")

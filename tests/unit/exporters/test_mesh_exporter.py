@@ -71,53 +71,6 @@ def test_ply_has_the_dust_on_top_of_rocks(small_world, tmp_path):
     assert rising.mean() < 0.9 * upright.mean()
 
 
-@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
-@pytest.mark.parametrize("tiles", ["merged", "tiled"])
-def test_the_ground_reads_back(small_world, tmp_path, form, tiles):
-    options = TILES[tiles] | {"format": form, "rocks": "none"}
-    directory = exported(small_world, tmp_path / "mesh", **options)
-    files = sorted(directory.glob(f"*.{form}"))
-    names = ["world"] if tiles == "merged" else [f"tile_{n:03}" for n in range(4)]
-    assert [path.stem for path in files] == names
-    points = random_points(small_world.ground, 500, 31)
-    heights = np.full(len(points), -np.inf)
-    for path in files:
-        for _, vertices, faces in objects(path):
-            heights = np.maximum(heights, top_under(vertices, faces, points))
-    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
-    assert np.abs(heights - wanted).max() < 3e-6
-
-
-@pytest.mark.parametrize("form", ["obj", "stl", "ply"])
-def test_merged_rocks_are_the_rocks(small_world, tmp_path, form):
-    directory = exported(small_world, tmp_path / "mesh", format=form, tile_cells=48)
-    vertices = np.concatenate([part[1] for part in objects(directory / f"world.{form}")])
-    field, turns = small_world.field, rotations(small_world.field)
-    for row in range(len(field)):
-        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
-        points = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
-        above = points[points[:, 2] > field.position[row, 2] + 0.1 * field.diameter[row]]
-        for axis in range(3):
-            for far in (above[above[:, axis].argmin()], above[above[:, axis].argmax()]):
-                apart = np.linalg.norm(vertices - far, axis=1).min()
-                assert apart < 0.001 * field.diameter[row]
-
-
-def test_the_merged_surface_is_the_highest(small_world, tmp_path):
-    """As a ray caster sees it: rocks and ground from above, against the shapes themselves."""
-    directory = exported(small_world, tmp_path / "mesh", format="stl")
-    points = random_points(small_world.ground, 500, 32)
-    found = top_under(*objects(directory / "world.stl")[0][1:], points)
-    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
-    field, turns = small_world.field, rotations(small_world.field)
-    for row in range(len(field)):
-        shape = small_world.library.prototypes[field.prototype[row]].meshes[0]
-        placed = field.scale[row] * shape.vertices @ turns[row].T + field.position[row]
-        wanted = np.maximum(wanted, top_under(placed, shape.faces, points))
-    assert (wanted > small_world.ground.height_at(points[:, 0], points[:, 1])).sum() > 20
-    assert np.abs(found - wanted).max() < 1e-5
-
-
 def test_rocks_as_objects(small_world, tmp_path):
     directory = exported(small_world, tmp_path / "mesh", format="obj", rocks="objects")
     parts = {name: part for name, *part in obj_objects(directory / "world.obj")}

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import shutil
 import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from functools import partial
 
@@ -24,7 +20,7 @@ from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_f
 from terrain_forge.model import Coupling, simple_sensors
 from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
-from tests.helpers.places import PROGRAMS
+from tests.helpers.pythons import asked
 from tests.helpers.rovers import morpheus, skid4
 
 
@@ -393,18 +389,6 @@ def test_a_world_without_a_rover_has_none_to_export(tmp_path):
 # ---- the real consumers
 
 
-def asked(variable, module, script, *arguments):
-    """What a consumer in its own interpreter prints, or a skip where it is not installed."""
-    python = os.environ.get(variable, sys.executable)
-    there = subprocess.run([python, "-c", f"import {module}"], capture_output=True, check=False)
-    if there.returncode:
-        pytest.skip(f"{module} is not installed ({variable})")
-    command = [python, str(PROGRAMS / script), *map(str, arguments)]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    return json.loads(run.stdout.splitlines()[-1])
-
-
 @pytest.mark.consumer
 @pytest.mark.parametrize("suffix", ["urdf", "sdf"])
 def test_drake_reads_the_rover(case, suffix):
@@ -427,17 +411,9 @@ def test_pybullet_reads_the_urdf(case):
 
 
 @pytest.mark.consumer
-def test_libsdformat_has_no_finding(case, tmp_path):
-    flags = subprocess.run(
-        ["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True
-    )
-    if not shutil.which("g++") or flags.returncode:
-        pytest.skip("g++ or sdformat12 is not installed")
+def test_libsdformat_has_no_finding(case, build):
+    program = build("sdf_check", "sdformat12")
     rover, folder = case
-    program = tmp_path / "sdf_check"
-    source = str(PROGRAMS / "sdf_check.cc")
-    command = ["g++", "-std=c++17", source, *flags.stdout.split(), "-o", str(program)]
-    subprocess.run(command, check=True, capture_output=True)
     text = (folder / f"{rover.name}.sdf").read_text()
     text = text.replace("<model ", '<world name="w"><model ', 1)
     world = folder / "world.sdf"

@@ -4,7 +4,6 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-import trimesh
 from PIL import Image
 from scipy.spatial.transform import Rotation
 from terrain_forge.exporters.sdf import Options, export
@@ -19,7 +18,6 @@ from terrain_forge.scene import grain, rock_tints
 from tests.helpers import worlds
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 from tests.helpers.sdf_files import exported, file_of, meshes, models, numbers
-from tests.helpers.surfaces import random_points, top_under
 
 
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
@@ -60,20 +58,6 @@ def test_gravity_and_sun(small_world, sdf):
     assert np.allclose(direction, -small_world.lighting.towards_sun, atol=1e-8)
     assert world.findtext("physics/dart/collision_detector") == "ode"
     assert world.find("actor") is None
-
-
-def test_the_ground_reads_back(small_world, sdf):
-    model = models(sdf)["by-hand_ground"]
-    points = random_points(small_world.ground, 2000, 6)
-    heights = np.full(len(points), -np.inf)
-    tiles = list(meshes(sdf, model, "collision"))
-    assert len(tiles) == 4
-    for _, vertices, faces in tiles:
-        heights = np.maximum(heights, top_under(vertices, faces, points))
-    wanted = small_world.ground.height_at(points[:, 0], points[:, 1])
-    assert np.abs(heights - wanted).max() < 1e-6
-    text = (sdf / "models/by-hand_ground/meshes/ground_000.obj").read_text()
-    assert text.count("\nvn ") == 49 * 49
 
 
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
@@ -181,7 +165,7 @@ def test_single_rocks_show_their_populations_texture(small_world, sdf):
 
 
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
-def test_dynamic_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, flavour):
+def test_dynamic_rocks_are_bodies(small_world, tmp_path, flavour):
     world = worlds.loosened(small_world)
     directory = exported(world, tmp_path / "sdf", flavour=flavour)
     field, turns = world.field, rotations(world.field)
@@ -194,18 +178,11 @@ def test_dynamic_rocks_are_bodies_with_their_own_mass(small_world, tmp_path, fla
         assert np.allclose(pose[:3], field.position[row], atol=1e-7)
         turn = Rotation.from_euler("xyz", pose[3:]).as_matrix()
         assert np.allclose(turn, turns[row], atol=1e-8)
-        inertial = body.find("link/inertial")
-        assert float(inertial.findtext("mass")) == pytest.approx(field.mass[row])
-        hull = world.library.prototypes[field.prototype[row]].meshes[0]
-        solid = trimesh.Trimesh(hull.vertices * field.scale[row], hull.faces)
-        solid.density = field.mass[row] / field.volume[row]
-        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "ixy": (0, 1), "iyz": (1, 2)}.items():
-            wanted = solid.moment_inertia[i, j]
-            found = float(inertial.findtext(f"inertia/{name}"))
-            assert found == pytest.approx(wanted, abs=1e-6 * solid.moment_inertia[0, 0])
+        hull = world.library.prototypes[field.prototype[row]].meshes[0].vertices
         for kind in ("visual", "collision"):
             ((_, vertices, _),) = meshes(directory, body, kind)
-            assert np.allclose(np.ptp(vertices, axis=0), np.ptp(solid.vertices, axis=0), atol=2e-6)
+            wanted = field.scale[row] * np.ptp(hull, axis=0)
+            assert np.allclose(np.ptp(vertices, axis=0), wanted, atol=2e-6)
         friction = body.find("link/collision/surface/friction")
         patch = float(friction.findtext("torsional/patch_radius"))
         torsional = 3 * np.pi / 16 * patch * float(friction.findtext("torsional/coefficient"))

@@ -1,8 +1,6 @@
 """The ground near paths has pictures of its own, which show what one of the whole would."""
 
 import io
-import json
-import struct
 
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from terrain_forge.exporters.usd import export as export_usd
 from terrain_forge.geometry import bake_ground, close_ground, close_patches
 from terrain_forge.geometry.close_ground import cells_near_paths, close_pixel
 from terrain_forge.model import path_points
+from tests.helpers.plain_readers import glb_chunks
 from tests.helpers.worlds import of_materials
 
 WITHIN = 1.5
@@ -139,9 +138,7 @@ def test_glb_shows_them_by_primitives_of_their_own(world, tmp_path):
     options = {"tile_cells": 40, "texture_pixels": 1}
     report = export_glb(world, tmp_path, options=GlbOptions(close_within_m=WITHIN, **options))
     assert any("pixels of about 50 mm" in line for line in report.losses)
-    content = (tmp_path / "world.glb").read_bytes()
-    (length,) = struct.unpack_from("<I", content, 12)
-    asset, binary = json.loads(content[20 : 20 + length]), content[20 + length + 8 :]
+    asset, binary = glb_chunks((tmp_path / "world.glb").read_bytes())
 
     def view(number):
         told = asset["bufferViews"][number]

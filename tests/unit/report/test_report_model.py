@@ -1,8 +1,5 @@
 """The model of the page's 3-D view: the world's ground, rocks, lines and rover, but lighter."""
 
-import json
-import struct
-
 import numpy as np
 import pytest
 
@@ -16,8 +13,8 @@ from terrain_forge.report.model.scene import page_model
 from terrain_forge.report.recorded.measures import WorldSweep
 from terrain_forge.report.section import Built
 from tests.helpers import worlds
+from tests.helpers.plain_readers import glb_arrays
 
-TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 GREY = np.full((64, 96, 3), 128, np.uint8)
 
 
@@ -25,18 +22,7 @@ class Glb:
     """A GLB read by hand."""
 
     def __init__(self, data):
-        magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
-        assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON")
-        self.json = json.loads(data[20 : 20 + length])
-        self.binary = data[28 + length :]
-
-    def array(self, accessor):
-        part = self.json["accessors"][accessor]
-        view = self.json["bufferViews"][part["bufferView"]]
-        width = TYPES[part["type"]]
-        kind = {5126: "<f4", 5125: "<u4", 5123: "<u2"}[part["componentType"]]
-        values = np.frombuffer(self.binary, kind, part["count"] * width, view["byteOffset"])
-        return values.reshape(-1, width)
+        self.json, self.arrays = glb_arrays(data)
 
     def children(self, name):
         group = next(node for node in self.json["nodes"] if node.get("name") == name)
@@ -85,11 +71,11 @@ def glb(world, tmp_path_factory):
 def test_the_ground_is_the_worlds(world, glb):
     (ground,) = glb.children("ground")
     attributes = glb.primitive(ground)["attributes"]
-    vertices = glb.array(attributes["POSITION"]).reshape(*world.ground.shape, 3)
+    vertices = glb.arrays[attributes["POSITION"]].reshape(*world.ground.shape, 3)
     np.testing.assert_allclose(vertices[..., 2], world.ground.elevation, atol=1e-6)
     np.testing.assert_allclose(vertices[0, :, 0], world.ground.east, atol=1e-5)
     np.testing.assert_allclose(vertices[:, 0, 1], world.ground.north, atol=1e-5)
-    corners = glb.array(attributes["TEXCOORD_0"]).reshape(*world.ground.shape, 2)
+    corners = glb.arrays[attributes["TEXCOORD_0"]].reshape(*world.ground.shape, 2)
     # South-west, north-east: v runs down from the picture's northern edge.
     np.testing.assert_array_equal(corners[0, 0], (0, 1))
     np.testing.assert_array_equal(corners[-1, -1], (1, 0))
@@ -108,7 +94,7 @@ def test_rocks_stand_where_they_are(world, glb):
     for node in glb.children("rocks"):
         places = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]
         names = ("TRANSLATION", "ROTATION", "SCALE")
-        rows.append(np.hstack([glb.array(places[name]) for name in names]))
+        rows.append(np.hstack([glb.arrays[places[name]] for name in names]))
     found = np.concatenate(rows)
     field = world.field
     size = np.repeat(field.scale[:, None], 3, axis=1)
@@ -120,7 +106,7 @@ def test_rocks_stand_where_they_are(world, glb):
 def test_lines_lie_on_the_ground(world, glb):
     (line,) = glb.children("lines")
     primitive = glb.primitive(line)
-    points = glb.array(primitive["attributes"]["POSITION"]).astype(np.float64)
+    points = glb.arrays[primitive["attributes"]["POSITION"]].astype(np.float64)
     assert (line["name"], line["extras"], primitive["mode"]) == ("path arc", {"driven": False}, 3)
     np.testing.assert_allclose(points[:, :2], world.trajectories[0].position[:, :2], atol=1e-5)
     above = points[:, 2] - world.ground.height_at(points[:, 0], points[:, 1])
@@ -165,7 +151,7 @@ def test_a_mesh_of_a_rover_is_shown_as_it_is(world, tmp_path):
     links = (rover.links[0].replace(shapes=(part,)), *rover.links[1:])
     glb = model(world.replace(rover=rover.replace(links=links)), tmp_path)
     body, _ = glb.children("rover")
-    vertices = glb.array(glb.primitive(body)["attributes"]["POSITION"])
+    vertices = glb.arrays[glb.primitive(body)["attributes"]["POSITION"]]
     np.testing.assert_allclose(vertices, shape.vertices, atol=1e-6)
     assert "scale" not in body
 
@@ -230,7 +216,7 @@ def test_rocks_follow_the_coarser_ground(world, tmp_path, monkeypatch):
     monkeypatch.setattr("terrain_forge.report.model.scene.coarsen", lambda _: relief)
     glb = model(world, tmp_path)
     found = np.concatenate([
-        glb.array(node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"])
+        glb.arrays[node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"]]
         for node in glb.children("rocks")
     ]).astype(np.float64)  # fmt: skip
     shown = found[:, 2] - relief.height_at(found[:, :2])
@@ -291,10 +277,10 @@ def test_a_sweep_lies_on_the_ground_that_is_shown(world, tmp_path):
     (node,) = glb.children("sweep")
     primitive = glb.primitive(node)
     assert primitive["mode"] == 0
-    shown = glb.array(primitive["attributes"]["POSITION"])
+    shown = glb.arrays[primitive["attributes"]["POSITION"]]
     assert len(shown) == 40_000
     above = shown[:, 2] - coarsen(world.ground).height_at(shown[:, :2].astype(float))
     np.testing.assert_allclose(above, 0.52, atol=1e-4)
-    colours = glb.array(primitive["attributes"]["COLOR_0"])
+    colours = glb.arrays[primitive["attributes"]["COLOR_0"]]
     assert len(np.unique(colours.round(4), axis=0)) == 4
     assert model(world, tmp_path).children("sweep") == []

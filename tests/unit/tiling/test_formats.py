@@ -25,6 +25,7 @@ from terrain_forge.rocks import path_pebbles, rocks_near_paths, seen_close
 from terrain_forge.truth.tables import write_rocks
 from terrain_forge.truth.tiled import write_parquet
 from tests.helpers.node import run_node
+from tests.helpers.plain_readers import glb_parts
 from tests.unit.exporters.test_glb import gltf_issues
 from tests.unit.tiling.conftest import write_recipe
 
@@ -109,25 +110,6 @@ def test_usd_has_each_rock_once(built, whole):
     assert np.allclose(np.array(places)[order], whole.field.position, atol=2e-6)
 
 
-def read_glb(path: Path):
-    """The JSON of a GLB, and the arrays of its accessors."""
-    content = path.read_bytes()
-    length = struct.unpack_from("<I", content, 12)[0]
-    told = json.loads(content[20 : 20 + length])
-    binary = content[28 + length :]
-    kinds = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
-    sizes = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-
-    def array(number):
-        one = told["accessors"][number]
-        view = told["bufferViews"][one["bufferView"]]
-        size, count = sizes[one["type"]], one["count"]
-        flat = np.frombuffer(binary, kinds[one["componentType"]], count * size, view["byteOffset"])
-        return flat.reshape(count, size)
-
-    return told, array
-
-
 def contents(site: Path):
     """Each content of the tileset: its address, its transform, its node and those inside it."""
     tileset = json.loads((site / "glb/tileset.json").read_text())
@@ -156,21 +138,21 @@ def test_3d_tiles_hold_what_they_say(built, whole):
     found, rims = contents(built), {}
     assert len(found) == 6 * 3
     for node, shift in found:
-        told, array = read_glb(built / "glb" / node["content"]["uri"])
+        told, arrays = glb_parts(built / "glb" / node["content"]["uri"])
         (x, y, z, w) = told["nodes"][0]["rotation"]
         assert np.allclose((x, y, z, w), (-(0.5**0.5), 0, 0, 0.5**0.5))  # z up to y up
         box = np.array(node["boundingVolume"]["box"])
         for mesh in told["meshes"]:
-            vertices = array(mesh["primitives"][0]["attributes"]["POSITION"])
+            vertices = arrays[mesh["primitives"][0]["attributes"]["POSITION"]]
             off = np.abs(vertices - box[:3]) - np.diag(box[3:].reshape(3, 3))
             assert off.max() <= 1e-5
-        points = array(told["meshes"][0]["primitives"][0]["attributes"]["POSITION"]) + shift
+        points = arrays[told["meshes"][0]["primitives"][0]["attributes"]["POSITION"]] + shift
         heights = whole.ground.height_at(points[:, 0], points[:, 1])
         assert np.abs(points[:, 2] - heights).max() < 1e-4
         edges = (points[:, 0] == -5.0) | (points[:, 0] == 15.0) | (points[:, 1] == 0.0)
         for x, y, z in points[edges].tolist():
             assert rims.setdefault((x, y), z) == z
-        faces = array(told["meshes"][0]["primitives"][0]["indices"]).reshape(-1, 3)
+        faces = arrays[told["meshes"][0]["primitives"][0]["indices"]].reshape(-1, 3)
         middle = points[faces].mean(axis=1)
         ground = whole.ground.height_at(middle[:, 0], middle[:, 1])
         assert np.abs(middle[:, 2] - ground).max() <= node["geometricError"]
@@ -437,18 +419,18 @@ def test_3d_tiles_show_the_ground_near_paths_in_their_finest_level(near):
     assert len(near_paths) > 2
     for name in near_paths:
         path = site / "glb" / name
-        told, array = read_glb(path)
+        told, arrays = glb_parts(path)
         ground = next(mesh for mesh in told["meshes"] if mesh["name"] == "ground")
         faces = np.concatenate(
-            [array(piece["indices"]).reshape(-1, 3) for piece in ground["primitives"]]
+            [arrays[piece["indices"]].reshape(-1, 3) for piece in ground["primitives"]]
         )
         _, row, column = path.stem.split("_")
-        before, plain = read_glb(site / f"tiles/{row}/{column}/glb/full.glb")
+        before, plain = glb_parts(site / f"tiles/{row}/{column}/glb/full.glb")
         old = next(mesh for mesh in before["meshes"] if mesh["name"] == "ground")["primitives"][0]
         assert np.array_equal(
-            np.unique(faces, axis=0), np.unique(plain(old["indices"]).reshape(-1, 3), axis=0)
+            np.unique(faces, axis=0), np.unique(plain[old["indices"]].reshape(-1, 3), axis=0)
         )
-        assert len(faces) == len(plain(old["indices"]).reshape(-1, 3))
+        assert len(faces) == len(plain[old["indices"]].reshape(-1, 3))
         looks = [told["materials"][piece["material"]] for piece in ground["primitives"]]
         assert all("normalTexture" in look for look in looks[:-1])
         assert "normalTexture" not in looks[-1]
@@ -457,7 +439,7 @@ def test_3d_tiles_show_the_ground_near_paths_in_their_finest_level(near):
         for node in told["nodes"][1:]:
             turn = Rotation.from_quat(node.get("rotation", [0.0, 0.0, 0.0, 1.0]))
             for piece in told["meshes"][node["mesh"]]["primitives"]:
-                points = array(piece["attributes"]["POSITION"]) * node.get("scale", [1.0] * 3)
+                points = arrays[piece["attributes"]["POSITION"]] * node.get("scale", [1.0] * 3)
                 points = turn.apply(points) + node.get("translation", [0.0] * 3)
                 assert (np.abs(points - box[:3]) <= half + 1e-5).all()
         used = {piece["indices"] for mesh in told["meshes"] for piece in mesh["primitives"]}
@@ -477,7 +459,7 @@ def test_rocks_of_3d_tiles_near_paths_have_maps(near):
     shift = {node["content"]["uri"]: place for node, place in contents(site)}
     found = {}
     for path in sorted(site.glob("glb/close_*.glb")):
-        told, array = read_glb(path)
+        told, arrays = glb_parts(path)
         for node in told["nodes"]:
             if not node.get("name", "").startswith("rock_"):
                 continue
@@ -485,7 +467,7 @@ def test_rocks_of_3d_tiles_near_paths_have_maps(near):
             look = told["materials"][piece["material"]]
             assert "normalTexture" in look
             assert "metallicRoughnessTexture" in look["pbrMetallicRoughness"]
-            number, faces = int(node["name"].removeprefix("rock_")), len(array(piece["indices"]))
+            number, faces = int(node["name"].removeprefix("rock_")), len(arrays[piece["indices"]])
             assert number not in found
             found[number] = faces // 3, *(np.array(node["translation"]) + shift[path.name])
     shapes = [
@@ -534,7 +516,7 @@ def test_pebbles_of_tiles_are_those_of_the_whole(near):
     }
     fine = {path.stem.removeprefix("close_") for path in site.glob("usd/assets/close_*.usda")}
     assert full == fine | {name.removeprefix("pebbles_") for name in files}
-    assert sum(_instances(read_glb(site / f"glb/{name}.glb")[0]) for name in files) == len(wanted)
+    assert sum(_instances(glb_parts(site / f"glb/{name}.glb")[0]) for name in files) == len(wanted)
     manifest = json.loads((site / "manifest.json").read_text())
     for kind in ("usd", "glb"):
         assert any(f"{len(wanted)} pebbles" in one for one in manifest["exports"][kind]["losses"])
