@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import terrain_forge as tf
 from terrain_forge.model import Window
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 FEW = settings(max_examples=8, deadline=None, derandomize=True, database=None)
 seeds = st.sampled_from([0, 3, 2**40 + 1])
@@ -19,24 +20,12 @@ seeds = st.sampled_from([0, 3, 2**40 + 1])
 
 @cache
 def site(seed, reach=0.0):
-    recipe = tf.Recipe(
-        name="window",
-        seed=seed,
-        body="mars",
-        dtm=tf.FlatDtm(size_m=(12, 9)),
-        horizon=tf.HorizonSpec(reach_m=reach),
-        terrain=tf.TerrainSpec(spacing_m=0.25, layers=(tf.Fractal(), tf.Ripples(wavelength_m=1.2))),
-        rocks=tf.RocksSpec(
-            library=tf.LibrarySpec(shapes=2),
-            populations=(
-                tf.PopulationSpec(
-                    name="rocks", size_frequency=tf.Golombek(k=0.1), diameter_m=(0.2, 0.8)
-                ),
-            ),
-        ),
-        exports=(),
-    )
-    return tf.plan(recipe)
+    law = tf.Golombek(k=0.1)
+    stones = tf.PopulationSpec(name="rocks", size_frequency=law, diameter_m=(0.2, 0.8))
+    rocks = tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=(stones,))
+    terrain = {"layers": (tf.Fractal(), tf.Ripples(wavelength_m=1.2))}
+    more = {"seed": seed, "horizon": tf.HorizonSpec(reach_m=reach), "rocks": rocks, "exports": ()}
+    return tf.plan(flat((12, 9), 0.25, terrain=terrain, **more))
 
 
 @pytest.mark.parametrize(

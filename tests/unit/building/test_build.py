@@ -17,9 +17,7 @@ import rasterio
 
 from terrain_forge import World, load_recipe, plan, realise
 from terrain_forge.base import ask_for_interrupt, listen_for_interrupts
-from terrain_forge.model import Window
 from terrain_forge.recipe import RecipeFile
-from terrain_forge.truth import rock_rasters
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -151,25 +149,6 @@ def test_another_seed_another_world(site, whole):
     other = realise(site.replace(seed=6))
     assert not np.array_equal(other.ground.elevation, whole.ground.elevation)
     assert len(other.field) != len(whole.field) or other.field != whole.field
-
-
-def test_window_is_the_cut_of_the_whole(site, whole):
-    tops, ids = rock_rasters(whole)
-    random = np.random.default_rng(8)
-    for _ in range(4):
-        columns, rows = (int(random.integers(8, n // 2)) for n in (64, 48))
-        column, row = int(random.integers(0, 64 - columns)), int(random.integers(0, 48 - rows))
-        part = realise(site, Window(column=column, row=row, columns=columns, rows=rows))
-        cut = np.s_[row : row + rows + 1, column : column + columns + 1]
-        assert np.array_equal(part.ground.elevation, whole.ground.elevation[cut])
-        assert np.array_equal(part.appearance.ground_rgb, whole.appearance.ground_rgb[cut])
-        west, south, east, north = part.ground.bounds
-        x, y = whole.field.position[:, 0], whole.field.position[:, 1]
-        inside = (x >= west) & (x < east) & (y >= south) & (y < north)
-        assert part.field == whole.field.select(inside)
-        part_tops, part_ids = rock_rasters(part)
-        assert np.array_equal(part_tops, tops[cut])
-        assert np.array_equal(part_ids, ids[cut])
 
 
 def test_populations_do_not_disturb_each_other(site, whole):

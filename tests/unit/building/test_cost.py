@@ -20,12 +20,11 @@ from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import (
     DriveSpec,
-    Recipe,
-    TerrainSpec,
     TilesSpec,
     ValidateSpec,
     export_orders,
 )
+from tests.helpers.recipes import flat
 
 
 def test_pace_is_measured_once_for_each_machine(tmp_path, monkeypatch):
@@ -81,17 +80,8 @@ def test_a_busy_machine_teaches_nothing_of_its_waiting(tmp_path, monkeypatch):
 def planned(*speeds):
     """A recipe with planned paths of some speeds, called by their numbers."""
     route = Planned(start_m=(-4.0, 0.0), goal_m=(5.0, 0.0))
-    return Recipe(
-        name="planned",
-        seed=1,
-        body="mars",
-        dtm=FlatDtm(size_m=(16.0, 12.0)),
-        terrain=TerrainSpec(spacing_m=0.1),
-        paths=tuple(
-            PathSpec(name=str(number), route=route, speed_m_s=speed)
-            for number, speed in enumerate(speeds)
-        ),
-    )
+    paths = (PathSpec(name=str(n), route=route, speed_m_s=s) for n, s in enumerate(speeds))
+    return flat((16.0, 12.0), 0.1, paths=tuple(paths))
 
 
 def test_the_drive_of_a_planned_path_is_in_the_estimate(tmp_path, monkeypatch):

@@ -10,26 +10,18 @@ import pytest
 from terrain_forge.exporters.drake.options import COARSENESS
 
 from terrain_forge.building.cost import DETAIL
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.geometry import level_of_detail
 from terrain_forge.making import plan
 from terrain_forge.pipeline import check
-from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import LibrarySpec, make_library
 from terrain_forge.rocks.shapes.families import COARSE_FACES
 from terrain_forge.terrain import AppearanceSpec
 from terrain_forge.terrain.detail import DetailSpec, ground_detail
 from terrain_forge.writers import write_png
+from tests.helpers.recipes import flat
 
 SIDE = 1024
-BARE = Recipe(
-    name="disk",
-    seed=1,
-    body="mars",
-    dtm=FlatDtm(size_m=(16.0, 12.0)),
-    terrain=TerrainSpec(spacing_m=0.1),
-    exports=("geotiff",),
-)
+BARE = flat((16.0, 12.0), 0.1, exports=("geotiff",))
 
 
 def disk(recipe, folder="."):

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import pytest
 
 from terrain_forge.base import RecipeError
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.pipeline import check
-from terrain_forge.recipe import DriveSpec, Recipe, TerrainSpec, ValidateSpec
+from terrain_forge.recipe import DriveSpec, ValidateSpec
 from terrain_forge.rovers import FileRover
 from tests.helpers import rovers
+from tests.helpers.recipes import flat
 from tests.unit.building.test_cost import planned
 
 
@@ -20,11 +21,7 @@ def tub(tmp_path_factory):
     return rovers.rocker_urdf(tmp_path_factory.mktemp("urdf"))
 
 
-def recipe(**more):
-    terrain, dtm = TerrainSpec(spacing_m=0.1), FlatDtm(size_m=(16.0, 12.0))
-    return Recipe(
-        **{"name": "r", "seed": 1, "body": "mars", "dtm": dtm, "terrain": terrain, **more}
-    )
+recipe = partial(flat, (16.0, 12.0), 0.1)
 
 
 def said(recipe, folder=None):

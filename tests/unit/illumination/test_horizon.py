@@ -18,6 +18,7 @@ from terrain_forge.making import place_of, plan
 from terrain_forge.model import MARS, MOON, Heightfield
 from terrain_forge.sky import days_of, look_up, read_time
 from tests.helpers.command_line import run
+from tests.helpers.recipes import flat
 
 _RADIUS = 1_737_400.0
 _POSTING, _SIDE = 20.0, 200
@@ -283,12 +284,9 @@ def test_a_sol_may_begin_by_night_and_names_the_place_as_its_map_does(tmp_path, 
 
 
 def test_a_flat_site_has_nothing_to_show(tmp_path):
-    flat = tf.Recipe(
-        name="flat", body="mars", terrain=tf.TerrainSpec(spacing_m=1.0),
-        dtm=tf.FlatDtm(size_m=(8.0, 8.0), lonlat_deg=(0.0, 0.0)),
-    )  # fmt: skip
+    level = plan(flat((8.0, 8.0), 1.0, lonlat=(0.0, 0.0)))
     with pytest.raises(RecipeError, match="flat"):
-        illuminate(plan(flat), None, tmp_path, Wish(begin="2030-01-01"))
+        illuminate(level, None, tmp_path, Wish(begin="2030-01-01"))
 
 
 def test_solar_days():

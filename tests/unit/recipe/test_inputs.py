@@ -12,9 +12,8 @@ from PIL import Image as Picture
 
 from terrain_forge import DataError, load_recipe, plan
 from terrain_forge.base import InputFile, Spec
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.paths import PathSpec, Recorded
-from terrain_forge.recipe import InputFiles, Recipe, TerrainSpec
+from terrain_forge.recipe import InputFiles
 from terrain_forge.recipe.inputs import find_inputs
 from terrain_forge.rocks import (
     Counts,
@@ -30,18 +29,12 @@ from terrain_forge.terrain import CraterLayer, CraterTable, DisplacementMap, Lay
 from terrain_forge.terrain.detail import DetailSpec
 from terrain_forge.terrain.masks import Mask
 from terrain_forge.terrain.orthoimage import OrthoimageSpec
+from tests.helpers.recipes import flat
 
 
 def recipe(*, layers=(), rocks=None, **more):
-    return Recipe(
-        name="site",
-        body="mars",
-        dtm=FlatDtm(size_m=(20.0, 10.0)),
-        terrain=TerrainSpec(spacing_m=0.5, layers=layers),
-        rocks=rocks or RocksSpec(),
-        exports=(),
-        **more,
-    )
+    given = {"terrain": {"layers": layers}, "rocks": rocks or RocksSpec(), "exports": (), **more}
+    return flat((20.0, 10.0), 0.5, name="site", **given)
 
 
 def population(name, law=None, **more):

@@ -13,7 +13,7 @@ from PIL import Image as Picture
 from terrain_forge import TerrainForgeError, plan
 from terrain_forge.base import RecipeError
 from terrain_forge.dtm import FlatDtm, read_image
-from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
+from terrain_forge.recipe import recipe_json
 from terrain_forge.recipe.limits import expected_rocks, rocks_of
 from terrain_forge.rocks import (
     Clustered,
@@ -35,6 +35,7 @@ from terrain_forge.rocks.arrangement import AroundCraters, Crater
 from terrain_forge.rocks.laws.golombek import CoverAbove
 from terrain_forge.rocks.library import MeshSpec
 from terrain_forge.rocks.populations import ExclusionSpec
+from tests.helpers.recipes import flat
 
 SIZE = (40.0, 30.0)
 LAW = Golombek(k=0.05)
@@ -47,13 +48,8 @@ def population(**changes):
 
 
 def recipe(*populations, body="mars", **rocks):
-    return Recipe(
-        name="site",
-        body=body,
-        dtm=FlatDtm(size_m=SIZE),
-        terrain=TerrainSpec(spacing_m=0.5),
-        rocks=RocksSpec(library=LIBRARY, populations=populations, **rocks),
-    )
+    spec = RocksSpec(library=LIBRARY, populations=populations, **rocks)
+    return flat(SIZE, 0.5, name="site", body=body, rocks=spec)
 
 
 def complaint(wanted, folder, *words):

@@ -23,6 +23,7 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.scattering.scatter import Scattered
 from terrain_forge.validation.checks.rocks import foot_and_top
 from tests.helpers import worlds
+from tests.helpers.recipes import flat as level_recipe
 
 SITE, LIBRARY = worlds.site(), worlds.library()
 SOUTHERLY = WindContact(wind_from_deg=180.0, drift=0.2, tail=4.0, moat=0.1)
@@ -148,27 +149,12 @@ def test_rocks_are_as_large_and_as_deep_as_without(contact):
 
 
 def recipe(contact, **populations):
-    return tf.Recipe(
-        name="contact",
-        seed=4,
-        body="mars",
-        dtm=tf.FlatDtm(size_m=(16, 12)),
-        horizon=tf.HorizonSpec(reach_m=0),
-        terrain=tf.TerrainSpec(spacing_m=0.1, layers=(tf.Fractal(),)),
-        rocks=tf.RocksSpec(
-            library=tf.LibrarySpec(shapes=2),
-            populations=(
-                tf.PopulationSpec(
-                    name="rocks",
-                    size_frequency=tf.Golombek(k=0.2),
-                    diameter_m=(0.3, 1.2),
-                    **populations,
-                ),
-            ),
-            contact=contact,
-        ),
-        exports=(),
-    )
+    stones = {"name": "rocks", "size_frequency": tf.Golombek(k=0.2), "diameter_m": (0.3, 1.2)}
+    some = (tf.PopulationSpec(**stones, **populations),)
+    rocks = tf.RocksSpec(library=tf.LibrarySpec(shapes=2), populations=some, contact=contact)
+    terrain, horizon = {"layers": (tf.Fractal(),)}, tf.HorizonSpec(reach_m=0)
+    more = {"seed": 4, "rocks": rocks, "horizon": horizon, "exports": ()}
+    return level_recipe((16, 12), 0.1, terrain=terrain, **more)
 
 
 def test_tiles_that_share_a_border_have_one_ground():

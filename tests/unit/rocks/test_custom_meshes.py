@@ -9,9 +9,8 @@ import pytest
 import trimesh
 
 from terrain_forge.base import DataError, cache_folder, require_gltf
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import CustomMesh, Mesh
-from terrain_forge.recipe import InputFiles, Recipe, TerrainSpec, input_paths
+from terrain_forge.recipe import InputFiles, input_paths
 from terrain_forge.rocks import (
     LibrarySpec,
     RocksSpec,
@@ -23,6 +22,7 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.library import MeshSpec, library_key, store
 from terrain_forge.rocks.shapes.carving import levels_of_detail
 from terrain_forge.rocks.shapes.solid import cuts_itself, mass_properties
+from tests.helpers.recipes import flat
 
 KEY = ("rocks", "library", "meshes", 0, "file")
 
@@ -444,10 +444,8 @@ def test_files_beside_a_mesh_are_known(tmp_path, name):
     assert [path.name for path in files_of_mesh(tmp_path / name)] == wanted
     mesh, _ = read_rock_mesh(tmp_path / name, key=KEY)
     assert mass_properties(mesh).volume == pytest.approx(body.volume, rel=1e-4)
-    recipe = Recipe(
-        name="t", dtm=FlatDtm(size_m=(9.0, 9.0)), body="mars", terrain=TerrainSpec(spacing_m=0.5),
-        rocks=RocksSpec(library=LibrarySpec(meshes=(MeshSpec(file=name),))),
-    )  # fmt: skip
+    rocks = RocksSpec(library=LibrarySpec(meshes=(MeshSpec(file=name),)))
+    recipe = flat((9.0, 9.0), 0.5, rocks=rocks)
     assert [path.name for path in input_paths(recipe, tmp_path)] == [name, *wanted]
     hashed = dict(InputFiles(recipe, tmp_path).hashes(patch=None, rover_files=()))
     assert [*hashed] == [name, *wanted]

@@ -12,7 +12,7 @@ import pytest
 import rasterio
 
 import terrain_forge as tf
-from terrain_forge.dtm import ArrayDtm, FlatDtm
+from terrain_forge.dtm import ArrayDtm
 from terrain_forge.model import World, rotations
 from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec, overlapping_pairs
@@ -20,6 +20,7 @@ from terrain_forge.rocks.editing import BY_HAND
 from terrain_forge.rocks.embedding.outline import mean_width
 from terrain_forge.terrain import Fractal
 from tests.helpers.outlines import exposed_outline
+from tests.helpers.recipes import flat
 
 SIZE = (12.0, 8.0)
 PEBBLES = PopulationSpec(
@@ -29,15 +30,9 @@ PEBBLES = PopulationSpec(
     density_kg_m3=2500.0,
     rgb=(0.2, 0.3, 0.4),
 )
-RECIPE = Recipe(
-    name="edited",
-    seed=3,
-    body="mars",
-    dtm=FlatDtm(size_m=SIZE),
-    horizon=tf.HorizonSpec(reach_m=0),
-    terrain=TerrainSpec(spacing_m=0.125, layers=(Fractal(),)),
-    rocks=RocksSpec(library=LibrarySpec(shapes=3), populations=(PEBBLES,)),
-)
+ROCKS = RocksSpec(library=LibrarySpec(shapes=3), populations=(PEBBLES,))
+MORE = {"seed": 3, "horizon": tf.HorizonSpec(reach_m=0), "rocks": ROCKS}
+RECIPE = flat(SIZE, 0.125, terrain={"layers": (Fractal(),)}, **MORE)
 
 
 @pytest.fixture(scope="module")

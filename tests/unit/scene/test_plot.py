@@ -12,6 +12,7 @@ from PIL import Image
 import terrain_forge as tf
 from terrain_forge.building import BuildResult
 from terrain_forge.recipe import RecipeFile
+from tests.helpers.recipes import flat
 
 
 def picture(html):
@@ -56,14 +57,7 @@ def test_values_are_short_in_text_and_pictures_in_notebooks(small_world, tmp_pat
 
 
 def test_progress_is_shown_where_it_is_wished(capsys):
-    recipe = tf.Recipe(
-        name="small",
-        body="moon",
-        dtm=tf.FlatDtm(size_m=(3.0, 2.0)),
-        terrain=tf.TerrainSpec(spacing_m=0.25),
-        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1)),
-    )
-    site = tf.plan(recipe)
+    site = tf.plan(flat((3.0, 2.0), 0.25, body="moon", shapes=1))
     tf.realise(site)
     assert capsys.readouterr().err == ""
     tf.realise(site, progress=True)

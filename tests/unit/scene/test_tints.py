@@ -7,14 +7,13 @@ import pytest
 from PIL import Image
 
 from terrain_forge.base import linear_from_srgb
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import MOON, Window
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
 from terrain_forge.scene import dust_share, soil_colour, soil_of
 from terrain_forge.terrain import AppearanceSpec, OrthoimageSpec
+from tests.helpers.recipes import flat
 
 
 def test_a_clear_day_takes_no_dust_off_rocks(small_world):
@@ -36,16 +35,10 @@ def coloured(tmp_path_factory):
     Image.fromarray(values).save(folder / "ground.png")
     appearance = AppearanceSpec(variation=0.0, orthoimage=OrthoimageSpec(image="ground.png"))
     law = Golombek(k=0.1)
-    wanted = Recipe(
-        name="ortho", body="mars", dtm=FlatDtm(size_m=(30.0, 20.0)),
-        terrain=TerrainSpec(spacing_m=0.5, appearance=appearance),
-        rocks=RocksSpec(
-            library=LibrarySpec(shapes=1),
-            populations=(PopulationSpec(name="r", size_frequency=law, diameter_m=(0.3, 1.0)),),
-        ),
-        exports=(),
-    )  # fmt: skip
-    return plan(wanted, folder=folder)
+    stones = PopulationSpec(name="r", size_frequency=law, diameter_m=(0.3, 1.0))
+    rocks = RocksSpec(library=LibrarySpec(shapes=1), populations=(stones,))
+    terrain = {"appearance": appearance}
+    return plan(flat((30.0, 20.0), 0.5, terrain=terrain, rocks=rocks, exports=()), folder=folder)
 
 
 def test_soil_on_rocks_is_what_the_picture_shows(coloured):

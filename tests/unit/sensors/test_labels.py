@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.model import Table
-from terrain_forge.recipe import Recipe, TerrainSpec, recipe_json
+from terrain_forge.recipe import recipe_json
 from terrain_forge.sensors import Scenery, motion_of_path
 from terrain_forge.sensors.labels import CLASSES, Labels
 from terrain_forge.terrain import CraterLayer, Ripples
 from terrain_forge.truth import craters_of
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 
 def _world(*craters):
@@ -18,10 +18,7 @@ def _world(*craters):
         CraterLayer(file="craters.csv", diffusivity_m2_per_myr=0.4),
         Ripples(wavelength_m=1.0, height_m=0.02, slope_deg=(40, 50)),
     )
-    recipe = Recipe(
-        name="by-hand", seed=1, body="mars", dtm=FlatDtm(size_m=worlds.SIZE),
-        terrain=TerrainSpec(spacing_m=worlds.SPACING, layers=layers),
-    )  # fmt: skip
+    recipe = flat(worlds.SIZE, worlds.SPACING, terrain={"layers": layers}, name="by-hand", seed=1)
     columns = ("x_m", "y_m", "diameter_m", "age_ga", "depth_to_diameter")
     table = Table(path="craters.csv", columns=columns, values=np.array(craters))
     world = worlds.world(rocks=0)

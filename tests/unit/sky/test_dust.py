@@ -13,6 +13,7 @@ from terrain_forge.scene.buffers import prepare_light
 from terrain_forge.scene.picture import radiance_seen
 from terrain_forge.sky import SkySpec, beam, daylight
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 _GROUND = np.array([0.3, 0.15, 0.07])
 
@@ -121,15 +122,8 @@ def test_pictures_show_this_sky(azimuth_deg):
 
 
 def recipe(body, tau):
-    return tf.Recipe(
-        name="dusty",
-        body=body,
-        dtm=tf.FlatDtm(size_m=(4.0, 4.0)),
-        horizon=tf.HorizonSpec(reach_m=0),
-        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1)),
-        terrain=tf.TerrainSpec(spacing_m=0.5),
-        sky=SkySpec(tau=tau),
-    )
+    more = {"horizon": tf.HorizonSpec(reach_m=0), "sky": SkySpec(tau=tau)}
+    return flat((4.0, 4.0), 0.5, shapes=1, body=body, **more)
 
 
 def test_the_recipe_says_how_dusty_it_is(tmp_path):

@@ -15,19 +15,13 @@ from terrain_forge.scene import Instances, RayScene, Subject, look, prepare_stag
 from terrain_forge.scene.stage import SUN
 from terrain_forge.sky import SkySpec, SunSpec, days_of, earth_disc, look_up, sky_points
 from terrain_forge.sky.orbits import about_sun, unit
+from tests.helpers.recipes import flat
 
 
 def recipe(body="moon", **sky):
-    return tf.Recipe(
-        name="night",
-        body=body,
-        dtm=tf.FlatDtm(size_m=(4.0, 4.0), lonlat_deg=(10.0, -20.0)),
-        terrain=tf.TerrainSpec(spacing_m=0.5),
-        horizon=tf.HorizonSpec(reach_m=0),
-        rocks=tf.RocksSpec(library=tf.LibrarySpec(shapes=1)),
-        sun=SunSpec(time="2030-01-01", ltst="09:00"),
-        sky=SkySpec(**sky),
-    )
+    sun = SunSpec(time="2030-01-01", ltst="09:00")
+    more = {"body": body, "horizon": tf.HorizonSpec(reach_m=0), "sun": sun, "sky": SkySpec(**sky)}
+    return flat((4.0, 4.0), 0.5, shapes=1, lonlat=(10.0, -20.0), **more)
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ from terrain_forge.sky import (
     read_time,
 )
 from tests.helpers.ephemerides import GOLDEN
+from tests.helpers.recipes import flat
 
 _JEZERO = (np.radians(77.45), np.radians(18.44))
 ROWS = json.loads(GOLDEN.read_text())
@@ -97,13 +98,7 @@ def test_leap_seconds_are_counted():
 
 
 def recipe(**sun) -> tf.Recipe:
-    return tf.Recipe(
-        name="dated",
-        body="mars",
-        dtm=tf.FlatDtm(size_m=(4.0, 4.0), lonlat_deg=(77.45, 18.44)),
-        terrain=tf.TerrainSpec(spacing_m=0.5),
-        sun=SunSpec(**sun),
-    )
+    return flat((4.0, 4.0), 0.5, lonlat=(77.45, 18.44), sun=SunSpec(**sun))
 
 
 @pytest.mark.slow

@@ -11,13 +11,11 @@ from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from terrain_forge.base import DataError, RecipeError, linear_from_srgb
-from terrain_forge.dtm import FlatDtm, transform
+from terrain_forge.dtm import transform
 from terrain_forge.geometry import bake_ground, finest_texture, grid_texture_coordinates
 from terrain_forge.making import plan
 from terrain_forge.model import BODIES, GroundDetail, Window, World
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import Recipe, TerrainSpec
-from terrain_forge.rocks import LibrarySpec, RocksSpec
 from terrain_forge.terrain import (
     AppearanceSpec,
     colour_ground,
@@ -30,19 +28,14 @@ from terrain_forge.terrain.layers.displacement_map import DisplacementMap
 from terrain_forge.terrain.masks import HeightBand, Mask
 from terrain_forge.terrain.orthoimage import OrthoimageSpec
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 MARS_RADIUS = 3396190.0
 
 
 def recipe(spec, *, body="mars", lonlat=(137.4, -4.6), size=(60.0, 40.0), spacing=0.5):
-    return Recipe(
-        name="looks",
-        body=body,
-        dtm=FlatDtm(size_m=size, lonlat_deg=lonlat),
-        terrain=TerrainSpec(spacing_m=spacing, appearance=spec),
-        rocks=RocksSpec(library=LibrarySpec(shapes=1)),
-        exports=(),
-    )
+    more = {"terrain": {"appearance": spec}, "body": body, "exports": ()}
+    return flat(size, spacing, shapes=1, lonlat=lonlat, **more)
 
 
 def ortho(image, **others):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terrain_forge.model import MARS, MERCURY, MOON, Table, Window
+from terrain_forge.model import MARS, MERCURY, MOON
 from terrain_forge.terrain import (
     BodyProduction,
     fresh_shapes,
@@ -237,28 +237,6 @@ def test_surface_of_one_crater_is_its_profile(age):
     else:
         expected = np.interp(x, radii, wanted)
     assert np.abs(ground.elevation - expected).max() < 0.01 * depth
-
-
-def test_any_window_equals_the_cut():
-    table = Table(
-        path="craters.csv",
-        columns=("x_m", "y_m", "diameter_m", "age_ga"),
-        values=np.array([(10.0, 5.0, 50.0, 0.1), (-130.0, 0.0, 90.0, 1.0), (14.0, 9.0, 50.0, 0.1)]),
-    )
-    place = moon(tables=(table,))
-    spec = layer(file="craters.csv", diameter_m=(2.0, 300.0))
-    whole = shape_ground(site=place, window=place.window, layers=(spec,)).elevation
-    random = np.random.default_rng(3)
-    for n in range(12):
-        column, row = int(random.integers(0, 399)), int(random.integers(0, 319))
-        columns = int(random.integers(1, 401 - column)) if n % 2 else 1
-        rows = int(random.integers(1, 321 - row)) if n % 3 else 1
-        window = Window(column=column, row=row, columns=columns, rows=rows)
-        part = shape_ground(site=place, window=window, layers=(spec,)).elevation
-        cut = whole[row : row + rows + 1, column : column + columns + 1]
-        np.testing.assert_array_equal(part, cut)
-    other = shape_ground(site=place.replace(seed=2), window=place.window, layers=(spec,))
-    assert not np.array_equal(other.elevation, whole)
 
 
 def heights(*rows, **changes):

@@ -17,10 +17,11 @@ from terrain_forge.building import site_lines
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm, followed_to
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import World
-from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.recipe import Recipe
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal, heights_beyond, paint, shape_ground
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 from tests.helpers.surfaces import random_points
 
 RADIUS = 3396190.0
@@ -49,15 +50,8 @@ def raster(path: Path, *, posting: float, half: float, rise: float = 0.0) -> Pat
 
 
 def recipe(dtm, horizon=None, layers=(), rocks=None) -> Recipe:
-    return Recipe(
-        name="far",
-        seed=5,
-        body="mars",
-        dtm=dtm,
-        terrain=TerrainSpec(spacing_m=0.5, layers=layers),
-        horizon=horizon or HorizonSpec(),
-        rocks=rocks or RocksSpec(),
-    )
+    more = {"horizon": horizon or HorizonSpec(), "rocks": rocks or RocksSpec()}
+    return flat((1.0, 1.0), 0.5, terrain={"layers": layers}, seed=5, **(more | {"dtm": dtm}))
 
 
 def made(wanted: Recipe, folder: Path):

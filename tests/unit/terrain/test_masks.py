@@ -12,16 +12,15 @@ import pytest
 from PIL import Image as Picture
 
 from terrain_forge.base import DataError, PluginError, RecipeError, registry
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
 from terrain_forge.model import Image
-from terrain_forge.recipe import Recipe, TerrainSpec
 from terrain_forge.terrain import Fractal, Layer, layer, mask_weight, shape_ground
 from terrain_forge.terrain.layer import LAYERS
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
 from terrain_forge.terrain.masks import HeightBand, Mask, RouteBand, SlopeBand
 from terrain_forge.terrain.route_distance import route_distance
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,13 +180,7 @@ def test_mask_without_meaning_is_refused(make, message):
 
 def recipe(mask):
     relief = DisplacementMap(image="relief.png", height_m=0.2, mask=mask)
-    return Recipe(
-        name="masked",
-        body="moon",
-        dtm=FlatDtm(size_m=(20.0, 10.0)),
-        terrain=TerrainSpec(spacing_m=0.5, layers=(relief,)),
-        exports=(),
-    )
+    return flat((20.0, 10.0), 0.5, terrain={"layers": (relief,)}, body="moon", exports=())
 
 
 def write(path, shape, value=128):

@@ -9,10 +9,9 @@ import pytest
 from PIL import Image as Picture
 
 from terrain_forge.base import linear_from_srgb
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.paths import PathSpec, Spline
-from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.recipe import Recipe
 from terrain_forge.terrain import Fractal, MaterialSpec, mask_weight, paint, shape_ground
 from terrain_forge.terrain.horizon.colours import material_tints, regolith_colour
 from terrain_forge.terrain.horizon.rings import rings_around
@@ -25,19 +24,14 @@ from terrain_forge.terrain.masks import (
     mask_weight_at,
 )
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 GREEN = MaterialSpec(kind="own", rgb=(0.1, 0.7, 0.2), friction=0.5, cover=0.3, patch_m=6.0)
 NO_IMAGE = Mask(slope=SlopeBand(below_deg=80.0))
 
 
 def recipe(*materials: MaterialSpec, size: float, variation: bool = False) -> Recipe:
-    wanted = Recipe(
-        name="far",
-        seed=5,
-        body="mars",
-        dtm=FlatDtm(size_m=(size, size)),
-        terrain=TerrainSpec(spacing_m=0.25, materials=materials),
-    )
+    wanted = flat((size, size), 0.25, terrain={"materials": materials}, seed=5)
     appearance = replace(wanted.terrain.appearance, variation=0.5 if variation else 0.0)
     return replace(wanted, terrain=replace(wanted.terrain, appearance=appearance))
 

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from terrain_forge.base import RecipeError
-from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
-from terrain_forge.model import Image, Window
-from terrain_forge.recipe import Recipe, TerrainSpec
+from terrain_forge.model import Image
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
-from terrain_forge.terrain import Fractal, shape_ground
+from terrain_forge.terrain import shape_ground
 from terrain_forge.terrain.layers.displacement_map import DisplacementMap
 from terrain_forge.terrain.layers.ripples import Ripples, steepest_lee
 from tests.helpers import worlds
+from tests.helpers.recipes import flat
 
 SITE = worlds.site().replace(size=(80.0, 80.0), spacing=0.125)
 
@@ -130,21 +129,6 @@ def test_steep_ground_has_none():
     assert half == pytest.approx(0.5 * full, rel=0.2)
 
 
-@pytest.mark.parametrize("spacing", [0.25, 0.1])
-def test_window_is_the_cut(spacing):
-    layers = (
-        Fractal(),
-        Ripples(wavelength_m=12.0 * spacing, rock_cover=None),
-        Ripples(name="s", wavelength_m=4.0 * spacing, wind_from_deg=200.0, rock_cover=None),
-    )
-    site = worlds.site().replace(spacing=spacing)
-    whole = shape_ground(site=site, window=site.window, layers=layers).elevation
-    for column, row, columns, rows in ((31, 17, 40, 29), (0, 40, 30, 24)):
-        window = Window(column=column, row=row, columns=columns, rows=rows)
-        part = shape_ground(site=site, window=window, layers=layers).elevation
-        assert np.array_equal(part, whole[row : row + rows + 1, column : column + columns + 1])
-
-
 def test_name_and_seed_make_other_ripples():
     one = heights(Ripples(wavelength_m=2.0, rock_cover=None))
     named = heights(Ripples(name="others", wavelength_m=2.0, rock_cover=None))
@@ -160,14 +144,8 @@ def recipe(layer, *, k=0.02, density_image=None, spacing=0.25):
         diameter_m=(0.2, 1.0),
         density_image=density_image,
     )
-    return Recipe(
-        name="sand",
-        body="mars",
-        dtm=FlatDtm(size_m=(40.0, 40.0)),
-        terrain=TerrainSpec(spacing_m=spacing, layers=(layer,)),
-        rocks=RocksSpec(populations=(population,)),
-        exports=(),
-    )
+    terrain, rocks = {"layers": (layer,)}, RocksSpec(populations=(population,))
+    return flat((40.0, 40.0), spacing, terrain=terrain, rocks=rocks, exports=())
 
 
 def test_rocky_ground_has_lower_ripples(tmp_path):
