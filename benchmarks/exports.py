@@ -10,21 +10,14 @@ table.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import platform
-import resource
 import shutil
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from run import model, spread
+from run import jobs_alone, peak, spread
 
 from terrain_forge.base import quaternion_from_rpy
 from terrain_forge.dtm import FlatDtm
@@ -66,26 +59,13 @@ JOBS: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
 
 def main() -> None:
     """Run the jobs that are asked for and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-n", "--runs", type=int, default=3, help="counted runs of each job")
-    parser.add_argument("patterns", nargs="*", help="parts of jobs' names")
-    parser.add_argument("--job", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.job:
-        print(json.dumps(measure(asked.job, asked.runs)))
-        return
-    print(f"{platform.processor() or platform.machine()}, {model()}, {os.cpu_count()} processors,")
-    print(f"{platform.system()}, Python {platform.python_version()}, median (min to max)")
-    print(f"\n{'job':<30}{'wall s':>20}{'copy s':>10}{'MB written':>12}{'MB of memory':>14}")
-    for name in JOBS:
-        if not asked.patterns or any(pattern in name for pattern in asked.patterns):
-            command = [sys.executable, __file__, "--job", name, "-n", str(asked.runs)]
-            row = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
-            wall = spread(row["wall"], 2)
-            print(
-                f"{name:<30}{wall:>20}{row['copy']:>10.2f}{row['size']:>12.0f}{row['memory']:>14.0f}",
-                flush=True,
-            )
+    head = f"{'job':<30}{'wall s':>20}{'copy s':>10}{'MB written':>12}{'MB of memory':>14}"
+    for name, row in jobs_alone(JOBS, measure, head=head, runs=3):
+        wall = spread(row["wall"], 2)
+        print(
+            f"{name:<30}{wall:>20}{row['copy']:>10.2f}{row['size']:>12.0f}{row['memory']:>14.0f}",
+            flush=True,
+        )
 
 
 def measure(name: str, runs: int) -> dict[str, Any]:
@@ -108,11 +88,6 @@ def measure(name: str, runs: int) -> dict[str, Any]:
                 shutil.copyfile(path, path.with_suffix(".copy"))
             copied = time.perf_counter() - since
     return {"wall": wall[1:], "copy": copied, "size": size / 1e6, "memory": memory}
-
-
-def peak() -> float:
-    """Peak memory of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def made_world(side: int, rocks: int, *, solid: bool = True) -> World:

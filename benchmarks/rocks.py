@@ -8,21 +8,13 @@ process of its own. Nothing is asserted: read the table.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import platform
-import resource
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
-from run import model, spread
+from run import jobs_alone, peak, spread, timed
 
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import plan
@@ -151,39 +143,17 @@ JOBS: dict[str, Callable[[], tuple[Callable[[], object], str]]] = {
 
 def main() -> None:
     """Run the jobs and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-n", "--runs", type=int, default=5, help="counted runs of each job")
-    parser.add_argument("--job", help=argparse.SUPPRESS)
-    parser.add_argument("patterns", nargs="*", help="parts of the names of the jobs to run")
-    arguments = parser.parse_args()
-    if arguments.job:
-        print(json.dumps(measure(arguments.job, arguments.runs)))
-        return
-    print(f"{platform.processor() or platform.machine()}, {model()}, {os.cpu_count()} processors,")
-    print(
-        f"{platform.system()}, Python {platform.python_version()}, "
-        f"median (min to max) of {arguments.runs}"
-    )
-    print(f"\n{'job':<36}{'what':>24}{'wall s':>24}{'peak MB':>10}")
-    for name in JOBS:
-        if arguments.patterns and not any(part in name for part in arguments.patterns):
-            continue
-        command = [sys.executable, __file__, "--job", name, "-n", str(arguments.runs)]
-        found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
-        times = spread(tuple(found["wall"]), 3)
+    head = f"{'job':<36}{'what':>24}{'wall s':>24}{'peak MB':>10}"
+    for name, found in jobs_alone(JOBS, measure, head=head, runs=5):
+        times = spread(found["wall"], 3)
         print(f"{name:<36}{found['what']:>24}{times:>24}{found['peak']:>10.0f}")
 
 
 def measure(name: str, runs: int) -> dict[str, Any]:
     """Wall times [s] of a job's runs and the peak memory [MB] of this process."""
     task, what = JOBS[name]()
-    wall = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        task()
-        wall.append(time.perf_counter() - start)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {"what": what, "wall": wall, "peak": peak}
+    wall, _ = timed(task, runs)
+    return {"what": what, "wall": wall, "peak": peak()}
 
 
 if __name__ == "__main__":

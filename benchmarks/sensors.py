@@ -8,13 +8,13 @@ compressed as PNG; its first one makes ready what the rest share.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import cache, partial
 from itertools import count
 from pathlib import Path
 
 import numpy as np
+from run import timed
 
 from terrain_forge.making import plan
 from terrain_forge.model import StereoSensor, World
@@ -110,12 +110,7 @@ def _pair(setting: Setting, colour: bool) -> None:
 
 
 def _print(name: str, job: Callable[[], object], rounds: int = ROUNDS) -> None:
-    walls, works = [], []
-    for _ in range(rounds):
-        wall, work = time.perf_counter(), time.process_time()
-        job()
-        walls.append(time.perf_counter() - wall)
-        works.append(time.process_time() - work)
+    walls, works = timed(job, rounds)
     print(f"{name:<24}{min(walls):8.3f} s wall{min(works):8.3f} s of processors")
 
 

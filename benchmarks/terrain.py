@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import resource
 import statistics
 import subprocess
 import sys
-import time
 
 import numpy as np
+from run import peak, timed
 
 import terrain_forge as tf
 from terrain_forge.dtm import ArrayDtm, FlatDtm
@@ -61,13 +60,9 @@ def measure(nodes: int, runs: int, *, craters: bool, flat: bool) -> None:
     small, _ = place(nodes, craters=craters, flat=flat, size=200 * SPACING)
     shape_ground(site=small, window=small.window, layers=layers)
     before = peak()
-    rows = []
-    for _ in range(runs):
-        wall, processor = time.perf_counter(), time.process_time()
-        ground = shape_ground(site=site, window=site.window, layers=layers)
-        rows.append((time.perf_counter() - wall, time.process_time() - processor))
-    wall, processor = (statistics.median(column) for column in zip(*rows, strict=True))
-    memory = (peak() - before) / ground.elevation.nbytes
+    times = timed(lambda: shape_ground(site=site, window=site.window, layers=layers), runs)
+    wall, processor = map(statistics.median, times)
+    memory = (peak() - before) * 1024**2 / (4 * nodes**2)
     last = layers[-1]
     made = isinstance(last, CraterLayer)
     number = len(make_craters(last, site=site, area=site.bounds)) if made else 0
@@ -98,11 +93,6 @@ def place(
         terrain=TerrainSpec(spacing_m=SPACING, layers=layers),
     )
     return tf.plan(recipe, heights=None if flat else heights), layers
-
-
-def peak() -> int:
-    """Peak memory of this process so far [bytes]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 if __name__ == "__main__":
