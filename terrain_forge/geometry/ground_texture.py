@@ -144,15 +144,13 @@ def _bake(  # type: ignore[no-untyped-def]
                     normals[row, column, channel] = _LEVEL[channel]
                 continue
             east, north = origin[0] + place_x * spacing, origin[1] + place_y * spacing
-            bright, _shade, rise_x, rise_y = ground_grain(
+            bright, rise_x, rise_y = ground_grain(
                 key,
                 (
                     _of_node(grain, 0, i, j, u, v),
                     _of_node(grain, 1, i, j, u, v),
                     _of_node(grain, 2, i, j, u, v),
                 ),
-                0.0,
-                0.0,
                 east,
                 north,
                 spacing,

@@ -120,22 +120,19 @@ def noise_2d(key, x, y):  # type: ignore[no-untyped-def]
 
 
 @inner
-def soil(key, x, y, coarsest, grain, sun_x, sun_y, footprint):  # type: ignore[no-untyped-def]
+def soil(key, x, y, coarsest, grain, footprint):  # type: ignore[no-untyped-def]
     """Fine relief of loose ground below `coarsest` [m], faded out where a pixel cannot show it.
 
     Crumbs are what of shorter waves stands above a height, so that no two have one outline.
-    Returns a value of about -1 to 1 for the albedo, the rise per metre along x and y, and the depth
-    of the crumbs' shadows (0 to 1).
+    Returns a value of about -1 to 1 for the albedo, and the rise per metre along x and y.
     """
-    value, slope_x, slope_y, warp_u, warp_v, shade = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    value, slope_x, slope_y, warp_u, warp_v = 0.0, 0.0, 0.0, 0.0, 0.0
     wavelength, weight, cos, sin = (
         coarsest,
         (coarsest / SOIL_COARSEST) ** (SOIL_HURST - 1.0),
         1.0,
         0.0,
     )
-    to_sun = min(CRUMB_RISE, CRUMB_SHADOW / (np.sqrt(sun_x * sun_x + sun_y * sun_y) + 1e-9))
-    to_x, to_y = to_sun * sun_x, to_sun * sun_y
     for octave in range(12):
         shown = min(1.0, (wavelength / footprint - SOIL_SHOWN[0]) / (SOIL_SHOWN[1] - SOIL_SHOWN[0]))
         if shown <= 0.0 or wavelength < 0.002:
@@ -151,9 +148,6 @@ def soil(key, x, y, coarsest, grain, sun_x, sun_y, footprint):  # type: ignore[n
             soft = max(CRUMB_SOFT, 0.5 * footprint / wavelength)
             there = shown * min(1.0, CRUMB_ANY * some)
             cover = there * min(1.0, max(0.0, over / soft))
-            ahead = over + rise_u * (cos * to_x - sin * to_y) + rise_v * (sin * to_x + cos * to_y)
-            dark = there * min(1.0, max(0.0, ahead / soft))
-            shade = max(shade * (1.0 - cover), dark - cover)
             steep *= max(0.0, 1.0 - CRUMB_SMOOTH * some)
             steep += 2.0 * CRUMB_RISE / CRUMB_EDGE * cover * max(0.0, 1.0 - over / CRUMB_EDGE)
             value += CRUMB_TONE * cover * warp_u
@@ -163,23 +157,21 @@ def soil(key, x, y, coarsest, grain, sun_x, sun_y, footprint):  # type: ignore[n
         cos, sin = cos * _TURN_COS - sin * _TURN_SIN, sin * _TURN_COS + cos * _TURN_SIN
         wavelength *= SOIL_STEP
         weight *= _ROUGHER
-    return value, slope_x, slope_y, shade
+    return value, slope_x, slope_y
 
 
 @inner
-def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-untyped-def]
+def clasts(key, x, y, cell, share, footprint):  # type: ignore[no-untyped-def]
     """Pebbles that lie on the soil, at most one to a cell of size `cell` [m].
 
-    Returns the coverage (0 to 1), the rise per metre along x and y, the stone's own brightness, and
-    the depth of its shadow on the soil (0 to 1). (sun_x, sun_y) leads from the end of a shadow to
-    the foot of a thing of unit height.
+    Returns the coverage (0 to 1), the rise per metre along x and y, and the stone's own brightness.
     """
     i, j = np.int64(np.floor(x / cell)), np.int64(np.floor(y / cell))
     draw = cell_hash(key, i, j, _STONES)
     wide = 0.5 + 0.5 * part(draw, _BITS_32)
     radius = cell * (LEAST_CLAST + MORE_CLAST * wide * wide)
     if 0.5 + 0.5 * part(draw, _BITS_48) > share or radius < 0.6 * footprint:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     room = 0.5 - 1.4 * radius / cell
     off_x = (x - cell * (i + 0.5 + room * part(draw, _BITS_0))) / radius
     off_y = (y - cell * (j + 0.5 + room * part(draw, _BITS_16))) / radius
@@ -191,10 +183,7 @@ def clasts(key, x, y, cell, share, sun_x, sun_y, footprint):  # type: ignore[no-
     steep = CLAST_RISE * cover * min(away * away, 1.0)
     rise_x = -steep * along_x * long
     rise_y = -steep * (along_x * shear + along_y / long)
-    behind_x, behind_y = off_x + 0.25 * sun_x, off_y + 0.25 * sun_y
-    far = np.sqrt(behind_x * behind_x + behind_y * behind_y)
-    shadow = min(1.0, max(0.0, (1.1 - far) / max(0.25, soft)))
-    return cover, rise_x, rise_y, part(draw, _BITS_24), shadow * (1.0 - cover)
+    return cover, rise_x, rise_y, part(draw, _BITS_24)
 
 
 @inner
@@ -256,16 +245,15 @@ def slabs(key, x, y, footprint):  # type: ignore[no-untyped-def]
 
 
 @inner
-def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
+def ground_grain(key, grain, east, north, spacing, footprint):  # type: ignore[no-untyped-def]
     """Soil, pebbles and slabs at a place of the world [m], down to the size of a pixel [m].
 
     `grain` are the share of cells that hold a pebble, the soil's roughness and how much of it is
-    slabs; `spacing` is that of the ground's grid [m], and (sun_x, sun_y) leads from the end of a
-    shadow to the foot of a thing of unit height. Returns brightness, depth of the pebbles' shadows
-    (0 to 1), rise per metre along east and north.
+    slabs; `spacing` is that of the ground's grid [m]. Returns brightness, rise per metre along east
+    and north.
     """
     coarsest = min(SOIL_COARSEST, 1.5 * spacing)
-    tint, rise_x, rise_y, shade = soil(key, east, north, coarsest, grain, sun_x, sun_y, footprint)
+    tint, rise_x, rise_y = soil(key, east, north, coarsest, grain, footprint)
     bright = 1.0 + 0.22 * tint
     some = grain[0] * min(1.5, max(0.2, 1.0 + 1.2 * tint))
     begin, full = SLAB_SHOWN
@@ -276,11 +264,9 @@ def ground_grain(key, grain, sun_x, sun_y, east, north, spacing, footprint):  # 
         bright *= 1.0 + share * (0.16 * tone * (1.0 - joint) - 0.3 * joint)
         some *= 1.0 - 0.6 * share * (1.0 - joint)
     for layer in range(len(CLAST_CELLS)):
-        cover, stone_x, stone_y, tone, dark = clasts(
-            mix(key, np.uint64(layer)), east, north, CLAST_CELLS[layer], some, sun_x, sun_y,
-            footprint,
-        )  # fmt: skip
+        cover, stone_x, stone_y, tone = clasts(
+            mix(key, np.uint64(layer)), east, north, CLAST_CELLS[layer], some, footprint
+        )
         rise_x, rise_y = rise_x * (1.0 - cover) + stone_x, rise_y * (1.0 - cover) + stone_y
         bright *= 1.0 + cover * (0.35 * tone - 0.08)
-        shade = max(shade * (1.0 - cover), dark)
-    return bright, shade, rise_x, rise_y
+    return bright, rise_x, rise_y
