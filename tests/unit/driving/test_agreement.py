@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from terrain_forge.exporters import mjcf
 
-from terrain_forge.model import Export, Mesh
-from terrain_forge.rocks import overlapping_pairs
+from terrain_forge.model import Export, Mesh, exporter
 from terrain_forge.validation.sample import random_points
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on, read_mesh
@@ -45,61 +43,24 @@ def test_meshes_are_read_as_they_were_written(tmp_path):
     )
 
 
-def test_rocks_that_overlap_are_found():
-    library = worlds.library()
-    field = worlds.field(3).replace(
-        position=np.array([[0, 0, 0], [5, 0, 0], [5.4, 0.1, 0]]), scale=np.ones(3)
-    )
-    assert overlapping_pairs(field, library) == [(1, 2)]
-    spread = field.replace(position=np.array([[0, 0, 0], [5, 0, 0], [9, 0, 0]]))
-    assert overlapping_pairs(spread, library) == []
+@pytest.mark.parametrize("kind", ["mjcf", "sdf"])
+def test_agreement_finds_a_ground_that_is_off(hill, tmp_path, kind):
+    module = exporter(kind)
+    (tmp_path / kind).mkdir()
+    module.export(hill, tmp_path / kind, options=module.Options())
 
+    def checks(world):
+        exports = [Export(folder=kind, kind=kind, options={})]
+        return {check.name: check for check in quick_checks(world, tmp_path, exports, points=2000)}
 
-def test_outlines_tell_what_circles_cannot():
-    """Long rocks side by side: their circles overlap, they do not."""
-    library = worlds.library()
-    field = worlds.field(2).replace(
-        prototype=np.array([1, 1]),
-        position=np.array([[0, 0, 0], [0, 1.0, 0]]),
-        quaternion=np.array([[1.0, 0, 0, 0]] * 2),
-        scale=np.ones(2),
-    )
-    hull = library.prototypes[1].hulls[0].vertices
-    assert 2 * np.hypot(hull[:, 0], hull[:, 1]).max() > 1.0 > np.ptp(hull[:, 1])
-    assert overlapping_pairs(field, library) == []
-
-
-def test_agreement_finds_a_ground_that_is_off(hill, tmp_path):
-    (tmp_path / "mjcf").mkdir()
-    mjcf.export(hill, tmp_path / "mjcf", options=mjcf.Options())
-    exports = [Export(folder="mjcf", kind="mjcf", options={})]
-    assert all(check.passed for check in quick_checks(hill, tmp_path, exports, points=200))
+    assert all(check.passed for check in checks(hill).values())
     lifted = hill.ground.replace(elevation=hill.ground.elevation + np.float32(0.002))
-    checks = quick_checks(hill.replace(ground=lifted), tmp_path, exports, points=200)
-    off = {c.name: c for c in checks}
-    assert not off["mjcf: ground"].passed
-    assert off["mjcf: ground"].figure == pytest.approx(0.002, abs=1e-5)
-    moved = hill.field.replace(position=hill.field.position + np.array([0, 0, 0.05]))
-    checks = quick_checks(hill.replace(field=moved), tmp_path, exports, points=200)
-    off = {c.name: c for c in checks}
-    assert not off["mjcf: rocks"].passed
-
-
-@pytest.mark.parametrize("target", ["sdf", "usd"])
-def test_agreement_reads_the_other_formats(hill, tmp_path, target):
-    from terrain_forge.model import exporter
-
-    (tmp_path / target).mkdir()
-    module = exporter(target)
-    module.export(hill, tmp_path / target, options=module.Options())
-    exports = [Export(folder=target, kind=target, options={})]
-    check, *replays = quick_checks(hill, tmp_path, exports, points=2000)
-    assert check.name == f"{target}: ground"
-    assert check.passed
-    assert [replay.passed for replay in replays] == [True, True]
-    lifted = hill.ground.replace(elevation=hill.ground.elevation + np.float32(0.002))
-    check, *_ = quick_checks(hill.replace(ground=lifted), tmp_path, exports, points=2000)
-    assert not check.passed
+    off = checks(hill.replace(ground=lifted))[f"{kind}: ground"]
+    assert not off.passed
+    assert off.figure == pytest.approx(0.002, abs=1e-5)
+    if kind == "mjcf":
+        moved = hill.field.replace(position=hill.field.position + np.array([0, 0, 0.05]))
+        assert not checks(hill.replace(field=moved))["mjcf: rocks"].passed
 
 
 def test_random_points_cover_the_ground_evenly(hill):

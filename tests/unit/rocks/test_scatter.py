@@ -15,12 +15,9 @@ from terrain_forge.rocks import (
     corridor_area,
     in_corridor,
     largest_rock,
-    scatter,
 )
 from tests.helpers import worlds
-from tests.helpers.scattering import CLUSTERED
-
-LIBRARY = worlds.library()
+from tests.helpers.scattering import CLUSTERED, run
 
 
 def site(size=(40.0, 30.0), *, seed=1, routes=()):
@@ -35,12 +32,6 @@ def dust(number_per_m2=0.04, **more):
     """So many small rocks that the cells they are drawn by are far smaller than a boulder."""
     law = PowerLaw(number_per_m2=number_per_m2, exponent=2.0)
     return PopulationSpec(name="dust", size_frequency=law, diameter_m=(0.02, 0.04), **more)
-
-
-def run(place, *populations, window=None):
-    area = place.size[0] * place.size[1]
-    kinds = tuple(population.with_diameters(area) for population in populations)
-    return scatter(site=place, populations=kinds, library=LIBRARY, window=window or place.window)
 
 
 def route(points, *, width=1.2, clearance=0.15):

@@ -103,16 +103,6 @@ def test_no_largest_rock_where_less_than_one_is_expected():
     assert largest_diameter(Exponential(number_per_m2=0.01, decay_per_m=2.0), 50.0) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("k", "quantiles"),
-    [(0.07, (0.1460, 0.2955, 0.5975, 0.9723)), (0.2, (0.1540, 0.3458, 0.7694, 1.3220))],
-)
-def test_golombek_quantiles(k, quantiles):
-    law = Golombek(k=k)
-    below = 1.0 - law.cumulative_number(quantiles) / law.cumulative_number(0.1)
-    np.testing.assert_allclose(below, (0.5, 0.9, 0.99, 0.999), atol=2e-4)
-
-
 @pytest.mark.parametrize("law", LAWS, ids=repr)
 def test_closed_forms_agree_with_each_other(law):
     def density(d):
