@@ -89,7 +89,7 @@ def _usual(band: Array, trusted: Mask, side: int) -> Array:
     for j, i in np.ndindex(*parts):
         square = np.s_[rows[j] : rows[j + 1], columns[i] : columns[i + 1]]
         values = size[square][trusted[square]]
-        usual[j, i] = np.percentile(values, _USUAL) if len(values) else overall
+        usual[j, i] = _percentile(values, _USUAL) if len(values) else overall
     at = [
         (np.arange(n) + 0.5) / n * count - 0.5 for n, count in zip(band.shape, parts, strict=True)
     ]
@@ -97,3 +97,12 @@ def _usual(band: Array, trusted: Mask, side: int) -> Array:
     smallest = max(overall * _LEAST, 1e-300)
     usual = np.asarray(map_coordinates(usual, places, order=1, mode="nearest"))
     return np.maximum(usual, smallest) / _OF_GAUSSIAN
+
+
+def _percentile(values: Array, percent: float) -> float:
+    """`numpy.percentile` of a few values, which takes a fifth of its time."""
+    place = 0.01 * percent * (len(values) - 1)
+    first = int(place)
+    after = min(first + 1, len(values) - 1)
+    values.partition((first, after))
+    return float(values[first] + (place - first) * (values[after] - values[first]))
