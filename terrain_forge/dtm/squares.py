@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-WHOLE = 2**22
-"""Posts up to which a grid is looked at whole."""
 SIDE = 2048
-"""Posts a side of the squares of a larger one."""
-SAMPLES, SAMPLE = 4, 512
-"""Squares each way that tell what a larger one is like, and posts a side of them."""
+"""Posts a side of the squares that are worked on one by one."""
+WHOLE = 2**20
+"""Posts up to which all tell what a grid is like."""
+SAMPLES, SAMPLE = 8, 128
+"""Squares each way that tell it of a larger one, and posts a side of them."""
 
 Square = tuple[slice, slice]
 
@@ -31,7 +31,7 @@ def in_squares(
         step: Pieces begin at multiples of so many posts.
     """
     shape = grids[0].shape
-    if grids[0].size <= WHOLE:
+    if grids[0].size <= SIDE**2:
         return work(*grids)
     margin, side = -(-margin // step) * step, max(SIDE // step, 1) * step
     made: NDArray[Any] = np.empty(0)
