@@ -43,6 +43,7 @@ from .projection import geographic_crs as geographic_crs
 from .projection import scale_error as scale_error
 from .projection import transform as transform
 from .projection import wrap_around as wrap_around
+from .quality import fill_holes as fill_holes
 from .raster import files_of_raster as files_of_raster
 from .raster import ground_steps as ground_steps
 from .raster import open_dataset as open_dataset
@@ -54,6 +55,7 @@ from .spec import FlatDtm as FlatDtm
 from .spec import HorizonSpec as HorizonSpec
 from .spec import RasterDtm as RasterDtm
 from .wide import NOWHERE as NOWHERE
+from .wide import finest_step as finest_step
 from .wide import holes as holes
 from .wide import lay_out as lay_out
 from .wide import raster_bounds as raster_bounds

@@ -83,13 +83,23 @@ def read_surroundings(
 
 def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -> float:
     """Half the side [m] of the smallest window that has samples enough, from a half side on."""
-    steps = np.array([-half, half])
-    column, row = patch_pixels(placed(raster, crs, to_pixel), crs, *np.meshgrid(steps, steps))
-    have = max(float(np.ptp(column)), float(np.ptp(row)), 1e-9)
+    whole = placed(raster, crs, to_pixel)
+    have = max(*_extent(whole, crs, half), 1e-9)
     if not np.isfinite(have):
         return half
     wanted = min(_POSTS, min(raster.shape) // 2)
-    return half * 2.0 ** max(ceil(float(portable.log2(wanted / have))), 0)
+    found = half * 2.0 ** max(ceil(float(portable.log2(wanted / have))), 0)
+    # Where meridians converge a wider window has more than that: then none of its samples is left.
+    while found > half and not max(_extent(whole, crs, found)) < 2.0 * _POSTS:
+        found *= 0.5
+    return found
+
+
+def _extent(whole: Georeferenced, crs: str, half: float) -> tuple[float, float]:
+    """Columns and rows that a window of half a side [m] reaches over; not finite at a pole."""
+    steps = np.linspace(-half, half, 9)
+    column, row = patch_pixels(whole, crs, *np.meshgrid(steps, steps))
+    return float(np.ptp(column)), float(np.ptp(row))
 
 
 def _level(

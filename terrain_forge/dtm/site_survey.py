@@ -21,15 +21,23 @@ from terrain_forge.dtm.lattice import patch_pixels
 from terrain_forge.dtm.noise_floor import FoundNoise, NoiseFloor, find_noise
 from terrain_forge.dtm.noisy_part import find_noisy_part
 from terrain_forge.dtm.point_posts import are_points, means_of_points
-from terrain_forge.dtm.projection import body_crs, geographic_crs, local_crs, transform
+from terrain_forge.dtm.projection import (
+    body_crs,
+    geographic_crs,
+    local_crs,
+    pole_distance,
+    transform,
+)
 from terrain_forge.dtm.quality import planar_posts
-from terrain_forge.dtm.raster import Raster, open_raster
+from terrain_forge.dtm.raster import Raster, ground_steps, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
 from terrain_forge.dtm.vertical import height_step, require_known_unit
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
+_NEAR_POLE = 64
+"""Samples from a pole within which a map of longitudes is not followed."""
 _LASTING = 0.5
 """Of the noise that is found, part that must be there without landforms."""
 _FARTHEST = 0.25
@@ -153,7 +161,11 @@ def _beyond(
     steps = np.linspace(-0.5, 0.5, 9)
     east, north = np.meshgrid(steps * size[0], steps * size[1])
     if not levels or float(weights_at(levels[0], crs, east, north).min()) < 0.999:
-        raise DataError(f"{horizon.dtm} does not reach around the site", key=("horizon", "dtm"))
+        why, widest = "", max(ground_steps(raster) or (0.0,))
+        if raster.goes_round and pole_distance(crs, size) < _NEAR_POLE * widest:
+            why = ": it is a map of longitudes, which ends at the pole; take a polar product"
+        text = f"{horizon.dtm} does not reach around the site{why}"
+        raise DataError(text, key=("horizon", "dtm"))
     own = 0.0
     if patch is not None:
         column, row = patch_pixels(patch, crs, east, north)

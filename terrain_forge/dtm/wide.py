@@ -52,12 +52,26 @@ def raster_bounds(raster: Raster, crs: str, reach: float) -> Bounds:
     return float(west), float(south), float(east), float(north)
 
 
+def finest_step(raster: Raster, crs: str) -> float | None:
+    """Distance of samples around a site's centre, along columns or rows, the shorter one [m]."""
+    if (steps := ground_steps(raster)) is None:
+        return None
+    source, step = _placed(raster, crs), 0.25 * max(steps)
+    away = np.array([0.0, step, 0.0]), np.array([0.0, 0.0, step])
+    changes = [index[1:] - index[0] for index in patch_pixels(source, crs, *away)]
+    most = max(float(np.hypot(*change)) for change in changes)
+    return step / most if np.isfinite(most) and most > 0.0 else max(steps)
+
+
+def _placed(raster: Raster, crs: str) -> WideSource:
+    """Where a raster lies, without its samples."""
+    wrap = wrap_around(raster.crs, crs, raster.middle[0])
+    return WideSource(heights=np.empty((0, 0)), to_pixel=raster.to_pixel, crs=raster.crs, wrap=wrap)
+
+
 def read_wide(raster: Raster, crs: str, bounds: Bounds, posting: float) -> WideSource:
     """The samples of a raster within bounds [m], coarsened towards a posting [m]."""
-    wrap = wrap_around(raster.crs, crs, raster.middle[0])
-    source = WideSource(
-        heights=np.empty((0, 0)), to_pixel=raster.to_pixel, crs=raster.crs, wrap=wrap
-    )
+    source = _placed(raster, crs)
     west, south, east, north = bounds
     grid = np.meshgrid(np.linspace(west, east, _BORDER), np.linspace(south, north, _BORDER))
     spans = []
@@ -74,7 +88,7 @@ def read_wide(raster: Raster, crs: str, bounds: Bounds, posting: float) -> WideS
         *(a / every, b / every, (c - left - half) / every),
         *(d / every, e / every, (f - top - half) / every),
     )
-    return WideSource(heights=heights, to_pixel=to_pixel, crs=raster.crs, wrap=wrap)
+    return WideSource(heights=heights, to_pixel=to_pixel, crs=raster.crs, wrap=source.wrap)
 
 
 def _coarsened(

@@ -17,7 +17,7 @@ from terrain_forge.dtm import (
     raster_bounds,
     read_wide,
 )
-from terrain_forge.illumination.beyond import go_on, held
+from terrain_forge.illumination.beyond import go_on, held, near_holes
 from terrain_forge.illumination.horizon import Relief
 from terrain_forge.model import Heightfield, Site
 from terrain_forge.recipe import machine_memory
@@ -106,7 +106,7 @@ def find_land(
     near = grids[0]
     if not near.covers(east, north).all():
         raise _beyond(size, near.bounds)
-    missing = _near_holes(own, east, north)
+    missing = near_holes(own, east, north)
     if missing.all():
         raise DataError("the DTM has no height anywhere on the map", key=("dtm",))
     heights = np.where(missing, 0.0, near.height_at(east, north))
@@ -216,14 +216,6 @@ def _patch_bounds(site: Site) -> Bounds:
     half = free / max(turn) / np.sqrt(2.0)
     east, north = max(half, 0.5 * site.size[0]), max(half, 0.5 * site.size[1])
     return -east, -north, east, north
-
-
-def _near_holes(near: Heightfield, east: Array, north: Array) -> Mask:
-    """Which points have a hole beside them."""
-    bare = holes(near.elevation)
-    i = np.clip(((east - near.origin[0]) / near.spacing).astype(int), 0, near.shape[1] - 2)
-    j = np.clip(((north - near.origin[1]) / near.spacing).astype(int), 0, near.shape[0] - 2)
-    return np.asarray(bare[j, i] | bare[j, i + 1] | bare[j + 1, i] | bare[j + 1, i + 1])
 
 
 def _curved(grid: Heightfield, radius: float) -> Heightfield:

@@ -19,8 +19,8 @@ from terrain_forge.sky import (
     utc_text,
 )
 
-_NIGHT_STEP, _NIGHT_STEPS = 0.02, 10_000
-"""Days, and steps of them, within which the Sun rises where it rises at all."""
+_NIGHT_STEP, _NIGHT_STEPS = 0.02, 20_000
+"""Days, and steps of them, within which the Sun rises where it rises at all: a night of Mars."""
 
 
 def light_of(site: Site) -> Lighting:
@@ -137,7 +137,7 @@ def _sunrise(
 ) -> str:
     """When the Sun's middle rises next, in words."""
     steps = np.arange(1, _NIGHT_STEPS) * _NIGHT_STEP
-    for part in np.array_split(steps, 20):
+    for part in np.array_split(steps, 40):
         up = look_up(ephemeris, lonlat, days + part).sun[:, 2] > 0.0
         if up.any():
             rises = moment + timedelta(days=float(part[np.argmax(up)]))

@@ -133,6 +133,27 @@ def test_the_horizon_is_that_of_rays_over_both(pole, tmp_path):
     assert (found - alone).min() > -0.1, "what the first shows is still there"
 
 
+def test_holes_of_the_first_are_filled_and_nothing_beside_them_changes(pole, tmp_path):
+    (tmp_path / "far.tif").write_bytes((pole.folder / "far.tif").read_bytes())
+    with rasterio.open(pole.folder / "near.tif") as file:
+        profile, heights = file.profile, file.read(1)
+    heights[52:56, 40:45] = heights[57, 62] = heights[65, 50] = -9999.0
+    with rasterio.open(tmp_path / "near.tif", "w", **profile | {"nodata": -9999.0}) as file:
+        file.write(heights, 1)
+    wish = {"size": (320.0, 240.0), "spacing": 20.0}
+    found = []
+    for folder in (pole.folder, tmp_path):
+        site = plan(pole.recipe, folder=pole.folder)
+        source = Source(dtm=pole.recipe.dtm, folder=folder, beyond="far.tif")
+        found.append(horizon_map(site, source, tmp_path / f"light{len(found)}", **wish)[0])
+    whole, bored = found
+    told = bored > -90.0
+    assert 0 < np.count_nonzero(~told[0]) < 20
+    off = np.abs(bored - whole)[told]
+    assert np.quantile(off, 0.9) < 2e-3
+    assert off.max() < 0.3
+
+
 def test_a_world_has_the_horizon_of_what_it_holds(pole, tmp_path):
     site = plan(pole.recipe, folder=pole.folder)
     world = tf.realise(site)

@@ -163,6 +163,23 @@ def test_a_second_model_elsewhere_is_refused(site_in_hills, tmp_path):
         plan(recipe(nowhere, HorizonSpec(dtm="small.tif")), folder=site_in_hills)
 
 
+@pytest.mark.parametrize("latitude", [10.0, 33.0, 41.0, 47.0, 60.0, 69.0])
+def test_each_sample_near_the_site_counts_where_meridians_converge(tmp_path, latitude):
+    """A map of longitudes has more samples in a wide window than around the site."""
+    posting, count = 4000.0, 600
+    west, north = -0.5 * count * posting, np.radians(latitude) * RADIUS + 0.5 * count * posting
+    with rasterio.open(
+        tmp_path / "map.tif", "w", driver="GTiff", height=count, width=count, count=1, crs=CRS,
+        dtype="float32", transform=rasterio.Affine(posting, 0, west, 0, -posting, north),
+    ) as file:  # fmt: skip
+        file.write(np.random.default_rng(1).normal(size=(count, count)).astype(np.float32), 1)
+    dtm = FlatDtm(size_m=(40.0, 40.0), lonlat_deg=(0.0, latitude))
+    site = plan(recipe(dtm, HorizonSpec(dtm="map.tif")), folder=tmp_path)
+    nearest = site.surroundings[0]
+    assert nearest.to_pixel[0] == pytest.approx(1.0 / posting)
+    assert min(nearest.heights.shape) >= 40
+
+
 def test_a_horizon_is_not_beyond_the_body():
     at_most = HorizonSpec(reach_m=0.2499 * 3389500.0)
     assert plan(recipe(FlatDtm(size_m=(8.0, 8.0)), at_most)).surroundings == ()
