@@ -109,11 +109,11 @@ from .sensors.odometry import OdometrySensor as OdometrySensor
 from .sensors.stereo import StereoSensor as StereoSensor
 from .sensors.sun_sensor import SunSensor as SunSensor
 from .site import HIGHEST_EXPONENT as HIGHEST_EXPONENT
+from .site import USUAL_CELLS as USUAL_CELLS
 from .site import ExclusionZone as ExclusionZone
 from .site import Roughness as Roughness
 from .site import Site as Site
 from .site import Window as Window
-from .tiling import USUAL_CELLS as USUAL_CELLS
 from .tiling import BuiltTile as BuiltTile
 from .tiling import TiledSite as TiledSite
 from .tiling import TileGrid as TileGrid

@@ -133,6 +133,10 @@ class ExclusionZone(Record):
     """Height above the ground that rocks within may have [m]; 0 for no rock at all."""
 
 
+USUAL_CELLS = 1024
+"""Cells of a tile each way where the recipe does not say."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Site(Record):
     """A place on a body with everything that must not depend on the window that is made of it.
@@ -252,6 +256,15 @@ class Site(Record):
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east, north edge [m]."""
         return self.west, self.south, -self.west, -self.south
+
+    @property
+    def piece(self) -> tuple[float, float]:
+        """East and north extent of what is made at once, a tile or all of the site, at most [m]."""
+        tiles = self.recipe.tiles
+        if tiles is None:
+            return self.size
+        side = tiles.size_m or USUAL_CELLS * self.spacing
+        return min(side, self.size[0]), min(side, self.size[1])
 
     @property
     def georeferenced(self) -> bool:

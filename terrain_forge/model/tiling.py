@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from terrain_forge.model.rocks import RockPrototype
     from terrain_forge.model.world import Tile, World
 
-USUAL_CELLS = 1024
-"""Cells of a tile each way where the recipe does not say."""
 _FINEST = 2.0**-14
 """What coordinates within tiles are rounded to [m]."""
 _DIGITS = 2**23

@@ -201,11 +201,14 @@ def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
     assert population is not None
     smallest, largest = population.diameters
     if smallest < largest:
-        number = expected_craters(population, site.bounds)
+        east, north = site.piece
+        number = expected_craters(population, (0.0, 0.0, east, north))
         if number > MAX_CRATERS:
+            tiled = site.recipe.tiles is not None
+            what, remedy = ("a tile", "smaller tiles") if tiled else ("the site", "tiles")
             raise RecipeError(
-                f"{number:.3g} craters of {smallest:g} m and more would reach the site, at most "
-                f"{MAX_CRATERS:.3g}; choose a larger smallest diameter",
+                f"{number:.3g} craters of {smallest:g} m and more would reach {what}, at most "
+                f"{MAX_CRATERS:.3g}; choose a larger smallest diameter, or {remedy}",
                 key=key,
             )
         return

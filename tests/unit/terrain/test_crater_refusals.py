@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from terrain_forge.base import DataError, RecipeError
 from terrain_forge.dtm import ArrayDtm, FlatDtm
 from terrain_forge.making import plan
-from terrain_forge.recipe import recipe_from_json
+from terrain_forge.recipe import TilesSpec, recipe_from_json
 from terrain_forge.terrain import (
     BodyProduction,
     CraterLayer,
@@ -53,6 +55,15 @@ def test_craters_that_a_site_cannot_have():
         CraterLayer()
     with pytest.raises(RecipeError, match="a layer before is called 'Craters' too"):
         plan(recipe(layer(), layer(name="Craters")))
+
+
+def test_craters_of_a_site_in_tiles_are_limited_by_those_of_a_tile():
+    dense = CraterPowerLaw(number_per_m2=3e3, exponent=3.0, age_ga=1)
+    wanted = recipe(layer(production=dense, equilibrium="none", diameter_m=(2.0, 5.0)))
+    large = replace(wanted, dtm=FlatDtm(size_m=(400.0, 300.0)))
+    with pytest.raises(RecipeError, match=r"would reach the site, .*, or tiles"):
+        plan(large)
+    plan(replace(large, tiles=TilesSpec(size_m=20.0)))
 
 
 def test_a_dtm_shows_large_craters_itself():
