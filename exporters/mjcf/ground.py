@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from terrain_forge.base import image_rows
 from terrain_forge.geometry import bake_ground, finest_texture, horizon_surface, write_horizon_mesh
@@ -22,6 +20,7 @@ from terrain_forge.model import (
 from terrain_forge.writers import Lines, Value, element, encode_png
 
 from .blocks import Block, split_ground, wide_rocks
+from .frictions import Cells, fields_by_friction
 from .materials import sliding
 from .options import Options
 
@@ -29,11 +28,6 @@ _BASE = 1.0
 """Thickness of the ground below its lowest node [m]."""
 _LARGEST_TEXTURE = 4096
 """Pixels that every OpenGL driver takes."""
-_SUNK = 0.005
-"""How far a height field sinks below the ground where another has its friction [m]: more than
-wheels press in, and so little that its slope there catches nothing."""
-_ROUNDS = 50
-"""Times that cells are given to their neighbours, at most."""
 _LARGEST_TEXT = 1024
 """Samples up to which a block stands in the XML itself: thousands of files would be worse."""
 
@@ -48,7 +42,7 @@ def ground_elements(
     """
     wide = wide_rocks(world.field, world.ground.spacing)
     split = options.split_ground and len(wide) > 0
-    felt = _separable(cells_by_friction(world, material_frictions(world, options)))
+    felt = cells_by_friction(world, material_frictions(world, options))
     kind = "ground_seen" if split or felt else "ground"
     assets: list[Lines] = []
     geoms: list[Lines] = []
@@ -68,16 +62,23 @@ def ground_elements(
         own = {"class": kind, "hfield": name, "material": name}
         geoms.append(element("geom", name=name, **own, pos=place))
     blocks = split_ground(world.ground, wide) if split else whole_blocks(world.ground, tiles)
-    for number, block in enumerate(blocks if split or felt else ()):
-        name = f"block_{number}"
-        part = world.ground.cut(**block._asdict())
-        for own_name, own_part, own in _by_friction(part, block, name, felt):
-            small = own_part.elevation.size <= _LARGEST_TEXT
-            field, place = _height_field(own_part, own_name, None if small else files)
-            assets.append(field)
-            named = {"name": own_name, "hfield": own_name, "pos": place, **own}
-            geoms.append(element("geom", class_="ground_block", **named))
+    for name, part, own in _touched(world.ground, blocks, felt) if split or felt else ():
+        small = part.elevation.size <= _LARGEST_TEXT
+        field, place = _height_field(part, name, None if small else files)
+        assets.append(field)
+        named = {"name": name, "hfield": name, "pos": place, **own}
+        geoms.append(element("geom", class_="ground_block", **named))
     return assets, geoms, files
+
+
+def _touched(
+    ground: Heightfield, blocks: list[Block], felt: dict[float, Cells]
+) -> Iterator[tuple[str, Heightfield, dict[str, Value]]]:
+    """The height fields that are touched: their names, ground and attributes of their own."""
+    for number, block in enumerate(() if felt else blocks):
+        yield f"block_{number}", ground.cut(**block._asdict()), {}
+    for name, part, friction in fields_by_friction(ground, blocks, felt):
+        yield name, part, {"friction": sliding(friction)}
 
 
 def whole_blocks(ground: Heightfield, tiles: list[Tile]) -> list[Block]:
@@ -91,71 +92,6 @@ def whole_blocks(ground: Heightfield, tiles: list[Tile]) -> list[Block]:
         )
         for tile in tiles
     ]
-
-
-def _corners(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The nodes at the corners of some cells."""
-    nodes = np.zeros(tuple(count + 1 for count in cells.shape), np.bool_)
-    for j, i in product((0, 1), (0, 1)):
-        nodes[j : j + cells.shape[0], i : i + cells.shape[1]] |= cells
-    return nodes
-
-
-def _separable(felt: dict[float, NDArray[np.bool_]]) -> dict[float, NDArray[np.bool_]]:
-    """The cells of each friction, so that each field can sink below the others' cells.
-
-    It cannot where all corners of a triangle are those of its own cells: such a cell, alone or in a
-    strip one cell wide, takes its neighbours' friction.
-    """
-    felt = {friction: cells.copy() for friction, cells in felt.items()}
-    for _ in range(_ROUNDS):
-        changed = False
-        for friction, cells in felt.items():
-            kept = _corners(cells)
-            both = kept[:-1, :-1] & kept[1:, 1:]  # the ends of the cut
-            taken = both & (kept[:-1, 1:] | kept[1:, :-1]) & ~cells
-            if taken.any():
-                changed = True
-                for other, theirs in felt.items():
-                    theirs[taken] = other == friction
-        if not changed:
-            break
-    return felt
-
-
-def _by_friction(
-    part: Heightfield, block: Block, name: str, felt: dict[float, NDArray[np.bool_]]
-) -> Iterator[tuple[str, Heightfield, dict[str, Value]]]:
-    """A block's ground once for each friction: what is highest has the friction of its cell.
-
-    A height field has one friction. Each of these is as high as the ground where cells of its
-    friction are, and beside them a little lower.
-    """
-    if not felt:
-        yield name, part, {}
-        return
-    rows = slice(block.row, block.row + block.rows)
-    columns = slice(block.column, block.column + block.columns)
-    for number, (friction, everywhere) in enumerate(felt.items()):
-        cells = everywhere[rows, columns]
-        if not cells.any():
-            continue
-        (south, *_, north), (west, *_, east) = (
-            np.flatnonzero(cells.any(axis=axis))[[0, -1]] for axis in (1, 0)
-        )
-        low_row, low_column = max(south - 1, 0), max(west - 1, 0)
-        high_row, high_column = min(north + 2, cells.shape[0]), min(east + 2, cells.shape[1])
-        near = cells[low_row:high_row, low_column:high_column]
-        cut = part.cut(
-            column=low_column,
-            row=low_row,
-            columns=high_column - low_column,
-            rows=high_row - low_row,
-        )
-        kept = _corners(near)
-        deep = cut.elevation - np.float32(_SUNK)
-        sunk = cut.replace(elevation=np.where(kept, cut.elevation, deep))
-        yield f"{name}_{number}", sunk, {"friction": sliding(friction)}
 
 
 def _height_field(

@@ -1,4 +1,4 @@
-"""Ground of several materials has the friction of each where it lies, in SDF and in Drake."""
+"""Ground of several materials has the friction of each where it lies, in MJCF, SDF and Drake."""
 
 from __future__ import annotations
 
@@ -76,6 +76,45 @@ def test_each_cell_has_its_materials_friction(world, tmp_path, kind, options):
     assert found[~soil, 0] == pytest.approx(wanted[~soil])
     assert len(np.unique(found[soil, 0])) == 1
     assert not any("one friction" in loss for loss in report.losses)
+
+
+def touched_fields(folder):
+    """Friction, south-western node and heights [m] of each height field that is touched."""
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_path(str(folder / "world.xml"))
+    for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD):
+        if model.geom_conaffinity[geom]:
+            field = model.geom_dataid[geom]
+            rows, columns = model.hfield_nrow[field], model.hfield_ncol[field]
+            half, place = model.hfield_size[field], model.geom_pos[geom]
+            begin = model.hfield_adr[field]
+            samples = model.hfield_data[begin : begin + rows * columns].reshape(rows, columns)
+            yield model.geom_friction[geom, 0], place[:2] - half[:2], place[2] + half[2] * samples
+
+
+def test_scattered_cells_have_their_friction_in_mujoco_and_no_other_is_touched(world, tmp_path):
+    """Both triangles of a cell are as high as the ground in fields of its friction alone."""
+    ground = world.ground
+    material = np.random.default_rng(1).integers(0, 3, ground.shape)
+    material[:, 50:] = 0
+    scattered = worlds.of_materials(world, material, _FRICTIONS)
+    exporter("mjcf").export(scattered, tmp_path, options=exporter("mjcf").Options())
+    wanted = np.array(_FRICTIONS)[material[:-1, :-1]]
+    found = np.zeros((2, *wanted.shape), bool)
+    for friction, corner, heights in touched_fields(tmp_path):
+        column, row = np.rint((corner - ground.origin) / ground.spacing).astype(int)
+        rows, columns = heights.shape
+        nodes = ground.elevation[row : row + rows, column : column + columns]
+        high = np.abs(heights - nodes) < 1e-4
+        assert (high | (heights < nodes - 0.0045)).all()
+        both, cells = (
+            high[:-1, :-1] & high[1:, 1:],
+            np.s_[row : row + rows - 1, column : column + columns - 1],
+        )
+        for half, third in enumerate((high[:-1, 1:], high[1:, :-1])):
+            assert wanted[cells][both & third] == pytest.approx(friction)
+            found[half][cells] |= both & third
+    assert found.all()
 
 
 @pytest.mark.parametrize("kind", ["sdf", "drake"])
