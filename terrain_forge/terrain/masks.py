@@ -367,8 +367,12 @@ def _require_band(low: float | None, high: float | None, names: tuple[str, str])
         raise ValueError(f"{names[0]} {low:g} lies over {names[1]} {high:g}")
 
 
-def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
-    rows, columns = values.shape
+def require_shape(rows: int, columns: int, name: str, site: Site, key: Key) -> None:
+    """Refuse a picture that covers the site, if its shape is another.
+
+    Raises:
+        DataError: for one that is off by more than a pixel.
+    """
     east, north = site.size
     # Whether pixels end or have their centres on the edges is within a pixel of tolerance.
     if abs(columns * north - rows * east) > max(east, north):
@@ -378,6 +382,11 @@ def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
             f"shape would be {columns} × {fitting}",
             key=key,
         )
+
+
+def _check_image(values: Array, name: str, site: Site, key: Key) -> None:
+    rows, columns = values.shape
+    require_shape(rows, columns, name, site, key)
     least, most = float(values.min()), float(values.max())
     if least < 0.0 or most > 1.0:
         raise DataError(

@@ -32,6 +32,7 @@ from terrain_forge.dtm import (
     wrap_around,
 )
 from terrain_forge.model import Orthoimage, Site, Window
+from terrain_forge.terrain.masks import require_shape
 
 _STENCIL = 3
 _SAMPLES = 257
@@ -51,7 +52,7 @@ class OrthoimageSpec(Spec):
 
     image: Annotated[str, MinLen(1), InputFile(kind="orthoimage")]
     """The file. If it is georeferenced it is laid where it belongs; otherwise it covers the whole
-    site, north up, its outer edges on the site's."""
+    site, whose shape it has, north up, its outer edges on the site's."""
     strength: Fraction = 1.0
     """How much of the picture's contrast is taken: 0 for none of it."""
 
@@ -62,8 +63,8 @@ def read_orthoimage(spec: OrthoimageSpec, *, name: str, site: Site, folder: Path
     The world calls the file by `name`; the recipe's paths are relative to `folder`.
 
     Raises:
-        DataError: if the file is no raster, lies on another body or does not show the
-            whole site, or if only one of the picture and the site is georeferenced.
+        DataError: if the file is no raster, lies on another body, does not show the whole
+            site or covers it in another shape, or if the picture alone is georeferenced.
     """
     import rasterio
 
@@ -131,6 +132,7 @@ def _over_site(dataset: Any, site: Site, image: str) -> tuple[float, ...]:
     """Affine from a site's east and north [m] to pixels of a picture that covers it."""
     shape, turn = (dataset.height, dataset.width), turn_of(dataset, image, _KEY)
     high, wide = shape[::-1] if turn.transposed else shape
+    require_shape(high, wide, image, site, _KEY)
     across = (-wide if turn.mirrored else wide) / site.size[0]
     down = (high if turn.upturned else -high) / site.size[1]
     column, row = (across, 0.0), (0.0, down)

@@ -192,6 +192,12 @@ def test_fine_orthoimage_is_averaged_not_sampled(tmp_path):
     assert np.ptp(rgb[1:-1, 1:-1].astype(int), axis=(0, 1)).max() <= 2
 
 
+def test_an_orthoimage_of_another_shape_than_the_site_is_refused_as_masks_are(tmp_path):
+    Picture.fromarray(np.full((50, 100), 90, np.uint8)).save(tmp_path / "wide.png")
+    with pytest.raises(DataError, match=r"100 × 50 pixels for a site of .* would be 100 × \d+"):
+        plan(recipe(ortho("wide.png")), folder=tmp_path)
+
+
 def test_bad_orthoimages_are_refused(tmp_path):
     proj = f"+proj=eqc +R={MARS_RADIUS}"
     values = np.full((1, 100, 100), 9, np.uint8)
