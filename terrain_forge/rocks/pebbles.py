@@ -35,6 +35,7 @@ FIRST_ID = 2**30
 """Least id of the first; it is above those of all rocks."""
 _CELL = 0.5  # side of the squares that are drawn by themselves [m]
 _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
+_SUNK = 0.02  # how deep its lowest corner lies in the ground at least [diameters]
 
 
 def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
@@ -189,6 +190,7 @@ def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Arr
     quaternion[:, 0], quaternion[:, 3] = np.cos(turn), np.sin(turn)
     prototype = ((hashes >> np.uint64(32)) % np.uint64(len(shapes))).astype(np.int32)
     volume = np.array([shape.volume for shape in shapes])[prototype] * diameter**3
+    rise = _rises(world, places, turn, prototype, diameter)
     populations = world.site.recipe.rocks.populations
     last = max(int(rocks.id.max(initial=-1)) for rocks in (world.field, world.neighbours))
     finest = int(np.argmin([_smallest(population) for population in populations]))
@@ -197,14 +199,34 @@ def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Arr
         id=(max(FIRST_ID, last + 1) + np.arange(count)).astype(np.int32),
         population=np.full(count, finest, np.int32),
         prototype=prototype,
-        position=np.column_stack([places, height + _HIGH * diameter]),
+        position=np.column_stack([places, height + rise]),
         quaternion=quaternion,
         scale=diameter,
         diameter=diameter,
-        height=(0.5 + _HIGH) * diameter,
-        buried_fraction=np.full(count, 0.5 - _HIGH),
+        height=0.5 * diameter + rise,
+        buried_fraction=0.5 - rise / diameter,
         volume=volume,
         mass=world.site.body.rock_density * volume,
         dynamic=np.zeros(count, np.bool_),
         collides=np.zeros(count, np.bool_),
     )
+
+
+def _rises(
+    world: World, places: Array, turn: Array, prototype: NDArray[np.int32], diameter: Array
+) -> Array:
+    """Heights of the pebbles' centres over the ground below them [m].
+
+    The lowest corner of the mesh that is drawn lies in the ground, also where that falls away.
+    """
+    drawn = [shape.meshes[-1].vertices for shape in world.library.prototypes]
+    lowest = np.array([corners[corners[:, 2].argmin()] for corners in drawn], np.float64)
+    x, y, low = (lowest[prototype] * diameter[:, None]).T
+    cosine, sine = np.cos(2.0 * turn), np.sin(2.0 * turn)
+    west, south, east, north = world.ground.bounds
+    foot = world.ground.height_at(
+        np.clip(places[:, 0] + cosine * x - sine * y, west, east),
+        np.clip(places[:, 1] + sine * x + cosine * y, south, north),
+    )
+    fall = world.ground.height_at(places[:, 0], places[:, 1]) - foot
+    return np.asarray(np.minimum(_HIGH * diameter, -low - fall - _SUNK * diameter))
