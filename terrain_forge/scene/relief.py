@@ -119,14 +119,16 @@ def relief_about(
 ) -> Relief:
     """The fine texture about a place of the world [m] of a ground with a spacing of nodes [m].
 
-    Its heights are so `rough`, see `roughness`; the land beyond, whose heights are not, is made so.
+    Its heights are so `rough`, see `roughness`; the land beyond, whose heights are not, is made so
+    by waves coarser than those of the soil, which are as steep on both.
     """
-    seed, finest = int(key), 1.5 * spacing
-    soil, soil_keys = _octaves(anchor, seed, min(SOIL_COARSEST, finest))
-    far, far_keys = _octaves(anchor, seed + 1, FAR_COARSEST)
-    held = far[:, 0] > finest
-    usual = _NOISE_RISE * float(np.sqrt(np.square(far[held, 3], dtype=np.float64).sum()))
-    far[held, 3] *= min(rough / max(usual, 1e-6), _STEEPEST)
+    seed, coarsest, held = int(key), min(SOIL_COARSEST, 1.5 * spacing), 0
+    soil, soil_keys = _octaves(anchor, seed, coarsest)
+    while coarsest / SOIL_STEP <= 1.001 * FAR_COARSEST:
+        coarsest, held = coarsest / SOIL_STEP, held + 1
+    far, far_keys = _octaves(anchor, seed + 1, coarsest)
+    usual = _NOISE_RISE * float(np.sqrt(np.square(far[:held, 3], dtype=np.float64).sum()))
+    far[:held, 3] *= min(rough / max(usual, 1e-6), _STEEPEST)
     cells = [_lattice(complex(*anchor) / cell) for cell in CLAST_CELLS]
     warp, warp_at = _lattice(complex(*anchor) * 2.7)
     slab, slab_at = _lattice(complex(anchor[0], 1.4 * anchor[1]) / SLAB_CELL)

@@ -102,3 +102,16 @@ def test_slabs_fade_where_pixels_are_as_large():
     ]
     assert added[0] > 2.0 * added[1] > 0.0
     assert added[2:] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.11, 0.5, 2.0])
+def test_soil_is_as_steep_on_the_land_beyond_a_level_site(spacing):
+    """Waves that the site has as soil are no part of what the land has for the site's heights."""
+    shadow = 0.0, 0.0
+    about = relief.relief_about(np.zeros(2), key=KEY, spacing=spacing, rough=0.0, shadow=shadow)
+    steep = about.far[about.far[:, 3] > 0.0]
+    shared = min(len(steep), len(about.soil))
+    assert shared >= 5
+    assert steep[:shared, 0] == pytest.approx(about.soil[:shared, 0])
+    assert steep[:shared, 3] == pytest.approx(about.soil[:shared, 3])
+    assert about.far[0, 0] >= relief.SOIL_COARSEST
