@@ -24,6 +24,7 @@ from terrain_forge.scene.borrowing import borrow
 from terrain_forge.scene.lanes import DIRECT, REST, STEP, WORKSPACE, meet
 from terrain_forge.scene.packets import FAR, LANES, hit_rock
 from terrain_forge.scene.shining import shine
+from terrain_forge.scene.words import mixed
 
 _0, _1 = np.float32(0.0), np.float32(1.0)
 HALF = LANES // 2
@@ -47,6 +48,11 @@ _SAMPLES = np.stack([np.hstack([_ROOKS, _SUN]), np.hstack([np.tile(_FEW, (2, 1))
 )
 """Place in the pixel and on the Sun's disc of each ray of a packet for one pixel, and of one for
 two; the last ones mirror the first."""
+_TURNS = np.pi * (np.arange(64) + 0.5) / 64.0
+_TURN = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1).astype(np.float32)
+"""Turns of the places on the Sun's disc, of which each pixel takes its own: with the same for all a
+wide penumbra would come in steps."""
+_FINE, _HASH = np.float32(2.0**24), np.uint32(0xB5297A4D)
 
 
 @kernel
@@ -100,6 +106,19 @@ def _cast_about(world, passing, view, room, space, place, samples):  # type: ign
 
 
 @merged
+def _turn(view, row, column):  # type: ignore[no-untyped-def]
+    """Cosine and sine of the turn of a pixel, which hangs on its direction and the camera's place.
+
+    So it is the same in a part of a picture, and other in the other eye and in the next frame.
+    """
+    draw, ray, place = _HASH, view.rays[row, column], view.places[row]
+    for number in (ray[0], ray[1], place[0], place[1]):
+        draw = mixed(draw ^ np.uint32(np.int64(number * _FINE)))
+    turn = _TURN[np.int64(draw >> np.uint32(26))]
+    return turn[0], turn[1]
+
+
+@merged
 def _refine_packet(  # type: ignore[no-untyped-def]
     world, stage, relief, wheels, passing, view, room, space, place, samples, light, seen, state
 ):
@@ -127,7 +146,9 @@ def _refine_packet(  # type: ignore[no-untyped-def]
         begin = view.places[row]
         origin = (begin[0], begin[1], begin[2])
         meet(space, lane, ray, word, hit_rock(word, lane), origin, stage, passing.parts)
-        a, b = samples[lane, 2], samples[lane, 3]
+        cosine, sine = _turn(view, row, column)
+        a = cosine * samples[lane, 2] - sine * samples[lane, 3]
+        b = sine * samples[lane, 2] + cosine * samples[lane, 3]
         faces = ask_sun(space, lane, ray, word, stage, a, b)
         lit |= (faces and state[row, column] != _DARK_EDGE) << lane
     if light:

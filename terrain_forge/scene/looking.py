@@ -3,8 +3,10 @@
 All that a pixel has besides radiance is that of its middle ray, and so are its normal and its
 texture, which is filtered to the pixel's size. Only where surfaces change are four rays cast about
 the middle, symmetric to it, and eight where light does, each to its own place on the Sun's disc:
-edges are smooth and displaced by nothing, and no noise hangs on the screen. From pixels that the
-Sun lights in part the search goes on to those beside them, until penumbrae of any width are done.
+edges are smooth and displaced by nothing. These places are turned for each pixel by its direction
+and the camera's place, so that penumbrae have no steps and no noise hangs on the screen. From
+pixels that the Sun lights in part the search goes on to those beside them, until penumbrae of any
+width are done.
 """
 
 from __future__ import annotations

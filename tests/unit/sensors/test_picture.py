@@ -159,6 +159,32 @@ def test_nothing_hangs_on_the_screen(setting, pose, exposure):
     assert same
 
 
+def test_a_wide_penumbra_has_no_steps(ball):
+    """The shadow of a wall 2 m high under a Sun 17° wide, straight down the picture."""
+    light = _LIGHT.replace(sun_azimuth=1.5 * np.pi)
+    elevation = np.zeros((41, 41))
+    elevation[:, 30:] = 2.0
+    subject = Subject(
+        ground=Heightfield(elevation=elevation[:, ::-1], spacing=0.5, origin=(-10.0, -10.0)),
+        ground_rgb=np.full((41, 41, 3), 150, np.uint8),
+        instances=ball[0].subject.instances,
+        lighting=light,
+        sun_diameter=0.3,
+        seed=3,
+    )
+    place = np.tile([0.0, 0.0, 6.0], (_HEIGHT, 1))
+    down = np.tile(np.diag([1.0, -1.0, -1.0]), (_HEIGHT, 1, 1))
+    with RayScene(subject) as scene:
+        stage = prepare_stage(scene, light, 1)
+        seen = look(scene, stage, rays=_rays(), position=place, rotation=down)
+    shone, direct = seen.radiance[..., 0], seen.direct[..., 0]
+    share = ((shone - shone[:, :8].mean()) / direct)[:, 14:48]
+    assert share[:, 0].mean() < 0.1
+    assert share[:, -1].mean() > 0.9
+    assert np.diff(share.mean(axis=0)).max() < 0.07
+    assert share.std(axis=0).max() < 0.15
+
+
 def test_texture_stays_where_it_is_while_the_camera_moves(ball):
     scene, _ = ball
     bright = Subject(
