@@ -22,7 +22,7 @@ _SUNK = 0.005
 wheels press in, and so little that its slope there catches nothing."""
 _DEEP = 0.5
 """How far it sinks from the second node on [m]: MuJoCo passes over what is below all of a wheel."""
-_SIDE = 64
+_SIDE = 256
 """Cells along a side of the squares that the ground is cut into: each wheel meets all fields of its
 square, and each field costs a file."""
 _APART = 3
