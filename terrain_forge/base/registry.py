@@ -7,6 +7,7 @@ package by an entry point.
 
 from __future__ import annotations
 
+import errno
 import inspect
 import logging
 import pkgutil
@@ -35,6 +36,9 @@ _asked: set[str] = set()
 
 _PLAIN = {f"ClassVar[{kind.__name__}]": kind for kind in (str, int)}
 """Types of class attributes that are looked at, as bases write them."""
+
+_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
+"""What the system says of its disks, whoever writes."""
 
 FOREIGN_FAILURES = (Exception, SystemExit)
 """What code of other packages may raise; an exit of theirs must not end ours as if all was done."""
@@ -166,7 +170,12 @@ def _skip_twin(point: EntryPoint, group: str, name: str, module: str, why: str) 
 
 
 def plugin_at_fault(error: BaseException) -> str:
-    """The plugin whose code raised an error or called what did, where and why; empty for ours."""
+    """The plugin whose code raised an error or called what did, where and why.
+
+    It is empty for our code, and for what the disk is to blame for.
+    """
+    if getattr(error, "errno", None) in _FULL:
+        return ""
     points = [point for package in distributions() for point in package.entry_points]
     foreign = [point for point in points if point.group.startswith(f"{_OURS}.")]
     ends = {part: p for p in foreign for part in (p.module.partition(".")[0], p.module)}
@@ -187,14 +196,14 @@ def parts(
     group: str,
     *,
     taken: Iterable[str] = (),
-    refused: Callable[[str], str] = lambda _: "",
+    refused: Callable[[Any], str] = lambda _: "",
 ) -> tuple[type[_Part], ...]:
     """All installed subclasses of a base class, in the order of their names.
 
     They tell themselves apart by their class attribute `kind`. Modules of our package `folder` and
     those that entry points of a group name define some; ours keep their kinds, `taken` are ours
     though no module has them. A class of another package that would not work is skipped with a
-    warning, see `unfit`; so is one whose kind is `refused`, which says why or is empty.
+    warning, see `unfit`; so is one that is `refused`, which says why or is empty.
     """
 
     def wanted(member: object) -> bool:
@@ -203,10 +212,7 @@ def parts(
     def misfit(member: type) -> str:
         if is_ours(member.__module__):
             return ""
-        if why := unfit(member):
-            return why
-        why = refused(getattr(member, "kind", ""))
-        return why and f"has a wrong kind: {why}"
+        return unfit(member) or refused(member)
 
     named = [
         (str(vars(member).get("kind", member.__name__)), member, member.__module__, point)

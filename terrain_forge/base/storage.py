@@ -12,6 +12,7 @@ from pathlib import Path
 
 from terrain_forge.base.bounded import size_text
 from terrain_forge.base.errors import StorageError, TerrainForgeError
+from terrain_forge.base.registry import plugin_at_fault
 
 _FULL = 2**16
 """Bytes below which a disk is full."""
@@ -20,6 +21,8 @@ _REFUSALS = {
     *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
     *(errno.ENOENT, errno.EEXIST, errno.ENOTDIR, errno.ELOOP),
 }
+_MISTAKES = {errno.ENOENT, errno.EEXIST, errno.ENOTDIR}
+"""Of them, those that code causes by a wrong name."""
 _SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
 """SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
 _IN_WORDS = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS)
@@ -28,6 +31,8 @@ _IN_WORDS = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS)
 @contextmanager
 def storing(target: Path, folder: Path) -> Iterator[None]:
     """Turns what a disk's limits raise, in whatever library, into one error.
+
+    What code of another package meets elsewhere goes on as it is: the target has no part in it.
 
     Raises:
         StorageError: says why the target cannot be written.
@@ -67,13 +72,22 @@ def require_disk(
         )
 
 
+def _is_elsewhere(error: BaseException, folder: Path) -> bool:
+    """Whether what the system refused tells nothing of a folder."""
+    named = getattr(error, "filename", None)
+    if getattr(error, "errno", None) in _MISTAKES or not isinstance(named, str | os.PathLike):
+        return True
+    return folder not in Path(named).absolute().parents
+
+
 def _fault(error: BaseException | None, folder: Path) -> str:
     """Why the disk refused; empty if it is not the disk's fault."""
+    theirs = error is not None and plugin_at_fault(error)
     while error is not None:
         number = _SQLITE.get(
             getattr(error, "sqlite_errorcode", 0) & 255, getattr(error, "errno", 0)
         )
-        if number in _REFUSALS:
+        if number in _REFUSALS and not (theirs and _is_elsewhere(error, folder)):
             return os.strerror(number)
         told = str(error)  # OpenUSD and GDAL tell it in words, and may have made room since
         for why in map(os.strerror, _IN_WORDS):

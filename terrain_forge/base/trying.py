@@ -27,7 +27,7 @@ def tried(function: Callable[[T], R], item: T, tries: int) -> R | Exception:
 
 def _failure(error: BaseException) -> Exception:
     """An error of a task; one in the lines of another package is told as that package's."""
-    if isinstance(error, TerrainForgeError | OSError | MemoryError):
+    if isinstance(error, TerrainForgeError | MemoryError):
         return error
     if told := plugin_at_fault(error):
         failure = PluginError(told)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
-from terrain_forge.base import DataError, length_text, reading
+from terrain_forge.base import DataError, length_text, reading, returning
 from terrain_forge.building.cost import cost_line, stage_line
 from terrain_forge.building.rover_check import rover_lines
 from terrain_forge.dtm import (
@@ -76,8 +76,9 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         across, up = -(-window.columns // cells), -(-window.rows // cells)
         yield f"  tiles        {across} × {up} of {cells * site.spacing:g} m, built one by one"
     for layer in recipe.terrain.layers:
-        for word, told in layer.facts(site):
-            yield f"  {word:<12} {told}"
+        what = f"layer {layer.kind!r}: facts"
+        with returning(layer, what, "pairs of texts, a word and what is told"):
+            yield from [f"  {word:<12} {told}" for word, told in layer.facts(site)]
     for line in site_facts(site):
         yield f"  {line}"
     yield f"  horizon      {_horizon(site)}"

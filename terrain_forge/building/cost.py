@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import validation
-from terrain_forge.base import cache_folder, size_text, to_plain
+from terrain_forge.base import cache_folder, returning, size_text, to_plain
 from terrain_forge.geometry import pixel_beside
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
@@ -225,17 +225,31 @@ def calibrated(stages: Mapping[str, float]) -> dict[str, float]:
 
 def export_bytes(order: ExportOrder, site: Site) -> float:
     """About how large an export of a site becomes, but for pictures and horizon [bytes]."""
-    options, recipe = order.options, site.recipe
-    each_node, each_rock = getattr(options, "bytes_each", OTHER_SIZE)
-    each_rock += getattr(options, "bytes_each_face", 0) * recipe.rocks.library.coarse_faces
-    return float(each_node * expected_nodes(recipe) + each_rock * rocks_of(site))
+    recipe = site.recipe
+    each_node, each_rock, each_face, _ = _bytes_each(order)
+    each_rock += each_face * recipe.rocks.library.coarse_faces
+    return each_node * expected_nodes(recipe) + each_rock * rocks_of(site)
+
+
+def _bytes_each(order: ExportOrder) -> tuple[float, ...]:
+    """Bytes of an export for each node, rock, triangle of a merged rock, and texel of `detail`.
+
+    Raises:
+        PluginError: if the exporter's options say anything else.
+    """
+    options = order.options
+    allowed = "two numbers of bytes, and bytes_each_face and bytes_each_texel one each"
+    with returning(order.exporter, f"exporter {order.kind!r}: bytes_each", allowed):
+        node, rock = getattr(options, "bytes_each", OTHER_SIZE)
+        more = (getattr(options, f"bytes_each_{name}", 0) for name in ("face", "texel"))
+        return tuple(float(one) for one in (node, rock, *more))
 
 
 def exported_bytes(orders: Sequence[ExportOrder], site: Site) -> float:
     """Bytes of all exports."""
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
     pictures = PICTURES if site.recipe.tiles is None else TILE_PICTURE * _tiles_of(site)
-    each_texel = sum(getattr(order.options, "bytes_each_texel", 0) for order in orders)
+    each_texel = sum(_bytes_each(order)[-1] for order in orders)
     each = (export_bytes(order, site) for order in orders)
     near = _near_paths(orders, site)[1]
     return pictures * pictured + each_texel * _detail_texels(site) + near + sum(each)

@@ -109,8 +109,9 @@ def dataset_kinds() -> dict[str, type[DatasetWriter]]:
     return {one.kind: one for one in found}
 
 
-def _refused_kind(name: str) -> str:
-    return refused_name(name, RESERVED, "recording")
+def _refused_kind(writer: type[DatasetWriter]) -> str:
+    why = refused_name(writer.kind, RESERVED, "recording")
+    return why and f"has a wrong kind: {why}"
 
 
 def dataset_kind(name: str) -> type[DatasetWriter]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import logging
 from dataclasses import dataclass, is_dataclass
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
 import numpy as np
@@ -18,9 +20,12 @@ from terrain_forge.base import (
     checked,
     failure_words,
     hint_at,
+    is_ours,
     load_plugin,
+    plugin_at_fault,
     plugins,
     refused_name,
+    returning,
     skip_plugin,
     skipped,
     type_adapter,
@@ -83,10 +88,13 @@ class Export:
         try:
             module, options = self.opened()
             words = getattr(module, "opening", None)
-            found: Opening | None = words and words(directory / self.folder, options)
+            with returning(module, f"exporter {self.kind!r}: opening", "an Opening or None"):
+                found: Opening | None = words and words(directory / self.folder, options)
+                if not isinstance(found, Opening | None):
+                    raise TypeError(f"found {found!r:.40}")
             return found
         except FOREIGN_FAILURES as error:  # it must not break the page
-            _log.warning("how to open %s is not known: %s", self.folder, failure_words(error))
+            _warn_once(self.folder, plugin_at_fault(error) or failure_words(error))
             return None
 
     def opened(self) -> tuple[Exporter, Any]:
@@ -101,6 +109,11 @@ class Export:
         except ValueError as error:
             why = " ".join(str(error).split())
             raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
+
+
+@cache
+def _warn_once(folder: str, why: str) -> None:
+    _log.warning("how to open %s is not known: %s", folder, why)
 
 
 def plain_options(options: Spec) -> dict[str, Any]:
@@ -152,12 +165,33 @@ def exporter(name: str) -> Exporter:
     if refused := refused_folder(name):
         skip_plugin(found[name], EXPORTERS, refused)
     elif module := load_plugin(found[name], EXPORTERS):
-        missing = [part for part in ("Options", "export") if part not in dir(module)]
-        if not missing and is_dataclass(module.Options):
+        why = _unfit(module)
+        if not why:
             return cast(Exporter, module)
-        skip_plugin(found[name], EXPORTERS, f"has no {(*missing, 'dataclass Options')[0]}")
+        skip_plugin(found[name], EXPORTERS, why)
     why = "; ".join(skipped(found[name], EXPORTERS))
     raise RecipeError(f"exporter {name!r} ({found[name].value}) is installed but broken: {why}")
+
+
+def _unfit(module: ModuleType) -> str:
+    """Why a module cannot be used as an exporter; empty if it can.
+
+    Our own load what they have beside `Options` when they are asked for it, so that is not done.
+    """
+    missing = [part for part in ("Options", "export") if part not in dir(module)]
+    if missing or not is_dataclass(module.Options):
+        return f"has no {(*missing, 'dataclass Options')[0]}"
+    if is_ours(module.__name__):
+        return ""
+    for name in ("export", "check_capacity", "prepare", "opening"):
+        if not callable(getattr(module, name, callable)):
+            return f"has {name}, which is no function"
+    readers = getattr(module, "CONSUMERS", ())
+    named = isinstance(readers, tuple | list) and all(
+        isinstance(getattr(one, "name", None), str) and callable(getattr(one, "read", None))
+        for one in readers
+    )
+    return "" if named else f"has CONSUMERS, a {type(readers).__name__}: no tuple of Consumers"
 
 
 def check_capacity(exporter: Exporter, options: Any, *, nodes: float, rocks: float) -> None:

@@ -11,11 +11,23 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, Key, Pair, Positive, RecipeError, Spec, portable, returning
-from terrain_forge.paths.curves import Curve, trace
+from terrain_forge.base import (
+    Array,
+    Key,
+    Pair,
+    Positive,
+    RecipeError,
+    Spec,
+    is_ours,
+    portable,
+    returning,
+)
+from terrain_forge.paths.curves import SHARPEST, Curve, trace
 
 Planar = Callable[[Array], Array]
 
+_FARTHEST = 0.1
+"""Between two points of a curve of another package's [m]."""
 _SAMPLES = 20_000
 """Parameters from which a smooth shape's length is measured: within 1e-7."""
 
@@ -66,10 +78,14 @@ class NamedShape(Spec):
             raise RecipeError(f"one of length_m and size_m is needed, found {found}", key=key)
         angle = math.radians(self.orientation_deg)
         cos, sin = math.cos(angle), math.sin(angle)
-        allowed = "a Curve with at least two points, all finite"
+        allowed = (
+            f"a Curve of at least two points up to {_FARTHEST:g} m apart, its heading along it"
+        )
         with returning(self, f"route shape {self.kind!r}: outline", allowed):
             outline = self.outline(key)
             _require_curve(outline)
+            if not is_ours(type(self).__module__):
+                _require_along(outline)
             turned = portable.product(outline.position, np.array([[cos, sin], [-sin, cos]]))
             return Curve(
                 position=turned + np.asarray(self.centre_m),
@@ -110,6 +126,28 @@ def _require_curve(outline: Curve) -> None:
         raise ValueError("found position and heading of shapes {} and {}".format(*shapes))
     if not (np.isfinite(outline.position).all() and np.isfinite(outline.heading).all()):
         raise ValueError("found numbers that are not finite")
+
+
+def _require_along(outline: Curve) -> None:
+    """Refuse points that are far apart, and a heading that is not the direction of travel."""
+    steps, heading = np.diff(outline.position, axis=0), outline.heading
+    lengths = np.linalg.norm(steps, axis=1)
+    if lengths.max() > _FARTHEST:
+        at = int(np.argmax(lengths))
+        raise ValueError(f"found points {at} and {at + 1} {lengths[at]:.3g} m apart")
+    moving = lengths > 1e-9
+    along = np.arctan2(steps[:, 1], steps[:, 0])
+    turn = np.abs(np.diff(heading))
+    off = [
+        np.abs((along - end + np.pi) % (2.0 * np.pi) - np.pi) for end in (heading[:-1], heading[1:])
+    ]
+    wrong = moving & (np.max([*off, 0.5 * turn], axis=0) > SHARPEST)
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        raise ValueError(
+            f"found heading {heading[at]:.2f} and {heading[at + 1]:.2f} rad at points {at} and "
+            f"{at + 1}, of which one lies at {along[at]:.2f} rad from the other"
+        )
 
 
 def pair(x: Planar, y: Planar) -> Planar:

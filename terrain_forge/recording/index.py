@@ -181,18 +181,33 @@ def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
     return times
 
 
+def require_told(folder: Folder) -> None:
+    """Refuse a sensor of which an index could not tell, before anything is measured.
+
+    Raises:
+        PluginError: if another package's instrument says of itself what it may not.
+    """
+    if folder.streams:
+        _calibration(folder, None)
+
+
 def _calibration(folder: Folder, body: Folder | None) -> bytes:
-    """A sensor's sensor.yaml: EuRoC's keys first, then what its kind tells."""
-    return yaml_text(
-        {
-            "sensor_type": folder.sensor.kind,
-            "comment": folder.sensor.name,
-            "T_BS": matrix(from_body(folder, body)),
-            "rate_hz": int(folder.rate) if folder.rate == int(folder.rate) else folder.rate,
-            **folder.instrument.calibration(),
-        },
-        "T_BS: from the sensor's frame to the body's; SI units",
-    )
+    """A sensor's sensor.yaml: EuRoC's keys first, then what its kind tells.
+
+    Raises:
+        PluginError: if another package's instrument tells what YAML cannot hold.
+    """
+    rate = folder.rate
+    first = {
+        "sensor_type": folder.sensor.kind,
+        "comment": folder.sensor.name,
+        "T_BS": matrix(from_body(folder, body)),
+        "rate_hz": int(rate) if rate == int(rate) else rate,
+    }
+    what = f"instrument {folder.instrument.kind!r}: calibration"
+    with returning(folder.instrument, what, "a dict of plain numbers, texts, lists and dicts"):
+        told = first | folder.instrument.calibration()
+        return yaml_text(told, "T_BS: from the sensor's frame to the body's; SI units")
 
 
 def _truth_yaml() -> bytes:

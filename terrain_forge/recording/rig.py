@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, portable
+from terrain_forge.base import Array, is_file_name, portable, returning
 from terrain_forge.model import Sensor
 from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
 
@@ -60,7 +60,17 @@ class Folder:
     @cached_property
     def streams(self) -> dict[str, Stream]:
         """Its streams by the names of their folders."""
-        return {stream.name: stream for stream in self.instrument.streams()}
+        what = f"instrument {self.instrument.kind!r}: streams"
+        with returning(self.instrument, what, "Streams whose names can name folders"):
+            streams = self.instrument.streams()
+            if not streams:
+                raise ValueError("found none")
+            for one in streams:
+                if not isinstance(one, Stream):
+                    raise TypeError(f"found {one!r:.40}")
+                if not (is_file_name(one.name) and is_file_name(f"0{one.suffix}")):
+                    raise ValueError(f"found {one.name!r} with {one.suffix!r}")
+        return {stream.name: stream for stream in streams}
 
     @cached_property
     def at_rest(self) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from terrain_forge.base import in_turn, returning, worker_threads
 from terrain_forge.recipe import DatasetSpec
-from terrain_forge.recording.index import file_name, recorded_spans
+from terrain_forge.recording.index import file_name, recorded_spans, require_told
 from terrain_forge.recording.order import Order, Spans, joined, within
 from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.store import Store
@@ -96,6 +96,7 @@ def work_of(setting: Setting, store: Store, *, spec: DatasetSpec, order: Order, 
         if isinstance(one.instrument, Series) and setting.motion.source == "drive":
             one.instrument.require_logged(one.sensor, setting.motion.base.step)
         one.instrument.check()
+        require_told(one)
     order.require_some(chosen, setting.motion)
     spans = {} if anew else recorded_spans(store)
     for name in (one.sensor.name for one in chosen):

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from terrain_forge.base import (
     Array,
     RecipeError,
+    is_ours,
     mix,
     normals,
     parts,
     quaternion_from_rpy,
+    refused_name,
     require_measurement,
     stage_key,
 )
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 GROUP = "terrain_forge.instruments"
 """Entry points that name modules of other packages with instruments."""
 NANOSECONDS = 1_000_000_000
+_TRUTH = "state_groundtruth_estimate"
+"""What the folder of the true motion is called in a recording."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +84,10 @@ class Instrument:
     kind: ClassVar[str]
     """The kind of sensor that it measures for."""
     folder: ClassVar[str]
-    """What its folders are called in a recording; a number is added: `cam` makes `cam0`."""
+    """What its folders are called in a recording; a number is added: `cam` makes `cam0`.
+
+    A `Series` may not take that of our cameras or lidars, which holds files.
+    """
 
     def __init__(self, sensor: Sensor, setting: Setting) -> None:
         self.sensor, self.setting = sensor.seated, setting
@@ -229,8 +236,15 @@ def instruments_of(setting: Setting) -> tuple[Instrument, ...]:
 @cache
 def instrument_kinds() -> dict[str, type[Instrument]]:
     """All installed instruments by the kind of sensor that they measure for."""
-    found = parts(Instrument, "terrain_forge.sensors.instruments", GROUP)
+    found = parts(Instrument, "terrain_forge.sensors.instruments", GROUP, refused=_refused_folder)
     return {one.kind: one for one in found}
+
+
+def _refused_folder(instrument: type[Instrument]) -> str:
+    of_files = {one.folder for one in Frames.__subclasses__() if is_ours(one.__module__)}
+    taken = {_TRUTH, *(of_files if issubclass(instrument, Series) else ())}
+    why = refused_name(instrument.folder, taken, "recording")
+    return why and f"has a wrong folder: {why}"
 
 
 def is_folder(name: str, kinds: Iterable[type[Instrument]]) -> bool:

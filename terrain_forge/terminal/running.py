@@ -82,6 +82,9 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
     except (TerrainForgeError, OSError) as error:
         if "--debug" in arguments:
             traceback.print_exc()
+        if isinstance(error, OSError) and (told := plugin_at_fault(error)):
+            say(f"terrain-forge: {told}; --debug shows all", err=True)
+            return INTERNAL
         say(f"terrain-forge: {error}", err=True)
         if getattr(error, "errno", None) in _NO_PATH:
             return WRONG_INPUT

@@ -17,6 +17,9 @@ leaver = leaving_exporter
 splitter = splitting_exporter
 strayer = straying_exporter
 ending = ending_exporter
+lone = lone_exporter
+worded = worded_exporter
+weighed = weighed_exporter
 truth = liar_exporter
 ../evil = liar_exporter
 a,b = liar_exporter
@@ -31,6 +34,8 @@ odd = odd_shape
 odd = odd_check
 [terrain_forge.report_sections]
 odd = odd_section
+[terrain_forge.instruments]
+odd = odd_instruments
 [terrain_forge.bodies]
 rock = rock_body
 [terrain_forge.systems]
@@ -81,7 +86,34 @@ MODULES = {
     + "    if options.what == 'link': (directory / 'mine').symlink_to(__file__)\n"
     + "    if options.what == 'go': os.chdir('/')\n"
     + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
+    + "    if options.what == 'read': open('/nowhere/mine')\n"
+    + "    if options.what == 'lost': open(directory / 'gone' / 'mine', 'w')\n"
+    + "    if options.what == 'full': raise OSError(28, 'full')\n"
+    + "    if options.what == 'locked': raise OSError(13, 'locked', str(directory / 'a'))\n"
     + "    return ExportReport(files=(), losses=())\n",
+    **{
+        f"{name}_exporter.py": HEAD
+        + "from pathlib import Path\nfrom terrain_forge.base import Spec\n"
+        + "from terrain_forge.model import ExportReport\n"
+        + "from terrain_forge.validation import Consumer\n"
+        + SPEC
+        + f"class Options(Spec):\n    {more}\n"
+        + "def export(world, directory, *, options):\n"
+        + "    return ExportReport(files=(), losses=())\n"
+        + last
+        for name, more, last in (
+            ("lone", "pass", "CONSUMERS = Consumer(name='a', read=export)\n"),
+            ("worded", "pass", "def opening(folder, options): return 'do it'\n"),
+            ("weighed", "bytes_each = 'many'", ""),
+        )
+    },
+    "odd_instruments.py": "from terrain_forge.sensors import Series\n"
+    + "class Base(Series):\n    def streams(self): pass\n"
+    + "    def calibration(self): pass\n    def samples(self): pass\n"
+    + "class Up(Base): kind, folder = 'up', '../up'\n"
+    + "class Eye(Base): kind, folder = 'eye', 'cam'\n"
+    + "class True_(Base): kind, folder = 'true', 'state_groundtruth_estimate'\n"
+    + "class Fine(Base): kind, folder = 'fine', 'fine'\n",
     "leaving_exporter.py": HEAD
     + "import sys\nfrom terrain_forge.base import Spec\n"
     + SPEC
@@ -102,7 +134,9 @@ MODULES = {
     + "                'shape': np.ones((2, 2)), 'ok': elevation, 'far': elevation + 1e300,\n"
     + "                'number': 0.1, 'truths': elevation > 0, 'masked': np.ma.array(elevation),\n"
     + "                'place': elevation if self.what != 'place' else elevation.__iadd__(1.0),\n"
-    + "                }[self.what] if self.what != 'exit' else exit(0)\n"
+    + "                }[self.what] if self.what not in ('exit', 'file') else (\n"
+    + "                    exit(0) if self.what == 'exit' else open('/nowhere/mine'))\n"
+    + "    def facts(self, site): return 3\n"
     + "    def brightness(self, *, site, window): return np.ones((2, 2))\n",
     "odd_law.py": HEAD
     + "from terrain_forge.rocks import SizeLaw\n"
@@ -117,10 +151,15 @@ MODULES = {
     + "    def report(self):\n"
     + "        return {'rate': np.inf} if self.wrong == 'report' else {'rate': 1.0}\n",
     "odd_shape.py": HEAD
-    + "from terrain_forge.paths import NamedShape\n"
+    + "from terrain_forge.paths import Curve, NamedShape\n"
     + SPEC
-    + "class Odd(NamedShape):\n    kind: Literal['odd'] = 'odd'\n"
-    + "    def outline(self, key): return None\n",
+    + "class Odd(NamedShape):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'none'\n"
+    + "    def outline(self, key):\n"
+    + "        if self.what == 'none': return None\n"
+    + "        t = np.linspace(0.0, 2.0 * np.pi, 20 if self.what == 'far' else 400)\n"
+    + "        position = np.stack([np.sin(t), -np.cos(t)], -1)\n"
+    + "        ahead = {'side': t * 0.0, 'wrapped': t % np.pi}.get(self.what, t)\n"
+    + "        return Curve(position=position, heading=ahead)\n",
     "odd_check.py": "from terrain_forge.model import at_most\n"
     + "from terrain_forge.validation import Inspection\n"
     + "class Nan(Inspection):\n    kind = 'odd'\n    group = 'ground'\n"
@@ -206,10 +245,14 @@ REFUSED = [
     (_rocks("number"), "size law 'odd': cumulative_number (odd_law)"),
     (_rocks("sample"), "size law 'odd': sample (odd_law)"),
     (_rocks("report"), "size law 'odd': report (odd_law)"),
-    (
-        {"paths": "{name: p, route: {kind: odd, size_m: 2}, speed_m_s: 0.1}"},
-        "route shape 'odd': outline (odd_shape)",
+    *(
+        (
+            {"paths": f"{{name: p, route: {{kind: odd, size_m: 2, what: {what}}}, speed_m_s: 1}}"},
+            "route shape 'odd': outline (odd_shape)",
+        )
+        for what in ("none", "far", "side", "wrapped")
     ),
+    ({"exports": "[weighed]"}, "exporter 'weighed': bytes_each (weighed_exporter)"),
     ({"exports": "[silent]"}, "exporter 'silent': export (odd_exporter)"),
     ({"exports": "[liar]"}, "exporter 'liar': export (liar_exporter)"),
     ({"exports": "[splitter]"}, "exporter 'splitter': export (splitting_exporter)"),
@@ -266,8 +309,44 @@ def test_a_plugin_changes_nothing_but_its_own(installed, tmp_path, parts, told):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"layers": "{kind: odd, what: file}"}, " (odd_layer, line "),
+        ({"exports": "{strayer: {what: read}}"}, "exporter 'strayer' (straying_exporter, line "),
+        ({"exports": "{strayer: {what: lost}}"}, "exporter 'strayer' (straying_exporter, line "),
+        ({"exports": "{strayer: {what: full}}"}, "out cannot be written: No space left on device"),
+        ({"exports": "{strayer: {what: locked}}"}, "out cannot be written: Permission denied"),
+    ],
+)
+def test_the_output_folder_is_blamed_for_what_is_refused_there(installed, tmp_path, parts, told):
+    with fresh(installed):
+        done = build(tmp_path, **parts)
+    assert done.returncode == 3, done.stderr
+    assert told in done.complaints[-1], done.stderr
+    assert ("failed: FileNotFoundError: " in done.complaints[-1]) == (", line " in told)
+
+
+def test_what_a_layer_tells_is_judged(installed, tmp_path):
+    path = tmp_path / "odd.yaml"
+    text = RECIPE.replace("LAYERS", "{kind: odd, what: ok}").replace("EXPORTS", "[]")
+    path.write_text(text.replace("ROCKS", "").replace("PATHS", ""))
+    with fresh(installed):
+        done = run("check", path)
+    assert done.returncode == 3, done.stderr
+    assert "terrain-forge: layer 'odd': facts (odd_layer) must return pairs" in done.stderr
+
+
+def test_how_to_open_an_export_is_judged_and_told_once(installed, tmp_path):
+    with fresh(installed):
+        done = build(tmp_path, exports="[worded]")
+    assert (tmp_path / "out").exists()
+    told = "how to open worded is not known: exporter 'worded': opening (worded_exporter) must"
+    assert done.stderr.count(told) == 1, done.stderr
+
+
 @pytest.mark.parametrize("workers", [0, 1])
-@pytest.mark.parametrize("what", ["exit", "raise"])
+@pytest.mark.parametrize("what", ["exit", "raise", "file"])
 def test_a_plugin_that_fails_in_a_task_is_named(installed, tmp_path, workers, what):
     recipe = RECIPE.replace("LAYERS", f"{{kind: odd, what: {what}}}").replace("EXPORTS", "[]")
     (tmp_path / "odd.yaml").write_text(recipe.replace("ROCKS", "").replace("PATHS", ""))
@@ -279,7 +358,8 @@ def test_a_plugin_that_fails_in_a_task_is_named(installed, tmp_path, workers, wh
     assert done.returncode == 1, done.stderr
     assert "not made     00000: layer " in done.stdout
     assert " (odd_layer, line " in done.stdout
-    assert {"exit": "SystemExit: 0", "raise": "KeyError: 'raise'"}[what] in done.stdout
+    told = {"exit": "SystemExit: 0", "raise": "KeyError: 'raise'", "file": "FileNotFoundError: "}
+    assert told[what] in done.stdout
 
 
 def test_a_check_that_cannot_be_written_has_failed_and_the_world_is_kept(installed, tmp_path):
@@ -339,6 +419,9 @@ UNNAMED = (
 )
 
 
+PART = "is part of every recording, choose another name"
+
+
 @pytest.mark.parametrize("name", ["truth", "../evil"])
 def test_an_exporter_whose_name_can_be_no_folder_is_refused(installed, tmp_path, name):
     path = tmp_path / "odd.yaml"
@@ -392,6 +475,11 @@ def test_doctor_lists_the_parts_of_others(installed):
         f"exporter a,b not working (liar_exporter): 'a,b' {UNNAMED}",
         "system none not working (odd_layer): has no .yaml file of a system",
         "exporter gone not working (gone_exporter): No module named 'a_module_that_nobody_has'",
+        "exporter lone not working (lone_exporter): "
+        "has CONSUMERS, a Consumer: no tuple of Consumers",
+        f"instrument odd not working (odd_instruments): Up has a wrong folder: '../up' {UNNAMED}; "
+        f"Eye has a wrong folder: 'cam' {PART}; "
+        f"True_ has a wrong folder: 'state_groundtruth_estimate' {PART}",
     ):
         assert line in lines, done.stdout
     assert f"system fleet not working (odd_systems): {installed}/odd_systems/broken.yaml" in (

@@ -122,6 +122,24 @@ def test_a_list_of_numbers_is_a_column(world, tmp_path, monkeypatch):
     assert [row.split(",")[1] for row in rows[1:]] == [str(n) for n in range(len(rows) - 1)]
 
 
+CALLED = {
+    "calibration": (lambda _: {"a": {1, 2}}, "a dict of .*: float.* argument must be .* not 'set'"),
+    "streams": (
+        lambda _: (Stream(name="../../data", suffix=".csv"),),
+        "Streams whose names can name folders: found '../../data' with '.csv'",
+    ),
+}
+
+
+@pytest.mark.parametrize("called", CALLED)
+def test_what_an_instrument_says_of_itself_is_judged_first(world, tmp_path, monkeypatch, called):
+    answer, told = CALLED[called]
+    monkeypatch.setattr(Heights, called, answer)
+    with pytest.raises(PluginError, match=rf"'imu': {called} \({__name__}\) must return {told}"):
+        tf.record(world, tmp_path / "out", end=1.0)
+    assert not (tmp_path / "out").exists()
+
+
 FILES = {
     "none": (lambda: None, "'NoneType' object is not iterable"),
     "text": (lambda: {"data": "x"}, "found str for 'data'"),
