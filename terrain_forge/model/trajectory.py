@@ -79,9 +79,14 @@ class Trajectory(Record):
         """Poses, velocities and accelerations at times [s] within the trajectory.
 
         Raises:
-            DataError: for a time before its first sample or after its last one.
+            DataError: for a time before its first sample or after its last one, and for times in
+                more than one row.
         """
         times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        if times.ndim > 1:
+            raise DataError(
+                f"Trajectory.at: time of shape {times.shape}, a number or a row of them"
+            )
         first, last = self.time[0], self.time[-1]
         beyond = times[~((times >= first - _SLACK) & (times <= last + _SLACK))]
         if beyond.size:

@@ -105,7 +105,9 @@ def result_of(cell: Cell, out: Path) -> dict[str, Any] | None:
 def run_cells(
     study: Study, out: Path, *, jobs: int | None = None, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Carry out the cells whose results are not there yet; those that failed are tried again.
+    """Carry out the cells whose results are not there yet, and those that failed.
+
+    A cell has failed too where a system did that has its sensors: all of it is done again.
 
     Args:
         study: The study.
@@ -123,6 +125,7 @@ def run_cells(
     """
     require_folder(study, out)
     missing = _missing(study, out)
+    missing += _failing(study, out)
     count = len({cell.digest for cell in study.cells})
     jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep, whole=len(missing) == count)
 
@@ -184,6 +187,23 @@ def _missing(study: Study, out: Path) -> list[Cell]:
         if there is None or there["status"] != "done":
             found.setdefault(cell.digest, cell)
     return list(found.values())
+
+
+def _failing(study: Study, out: Path) -> list[Cell]:
+    """One cell for each result with a system that failed, though it has the sensors it needs."""
+    found: dict[str, tuple[Cell, set[str]]] = {}
+    for cell in study.cells:
+        there = result_of(cell, out)
+        if there is not None and there["status"] == "done":
+            rows = there["results"]
+            if failed := {row["system"] for row in rows if row["status"] == "failed"}:
+                found.setdefault(cell.digest, (cell, failed))
+    costs = costs_of([cell for cell, _ in found.values()])
+    return [
+        cell
+        for (cell, failed), cost in zip(found.values(), costs, strict=True)
+        if failed - cost.lacking.keys()
+    ]
 
 
 def _jobs(missing: Sequence[Cell], asked: int | None, out: Path, *, keep: bool, whole: bool) -> int:

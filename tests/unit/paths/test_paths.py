@@ -140,6 +140,8 @@ def test_a_trajectory_ends_where_its_samples_do():
     for time in (-0.01, [1.0, 4.01], np.nan):
         with pytest.raises(DataError, match=r"'line' lasts from 0\.000000 to 4\.000000 s"):
             track.at(time)
+    with pytest.raises(DataError, match=r"time of shape \(2, 2\), a number or a row of them"):
+        track.at(np.ones((2, 2)))
 
 
 def test_trajectory_is_twice_differentiable():

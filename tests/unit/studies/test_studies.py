@@ -247,6 +247,40 @@ def test_a_cell_is_made_recorded_and_evaluated(written, tmp_path):
     assert carry_out(wrong, tmp_path / "no")["status"] == "failed"
 
 
+ONE = ("slip: [0.0, 0.2]", "slip: [0.0]"), ("[0.01, 0.03]", "[0.01]"), ("seeds: 2", "seeds: 1")
+MINE = """
+    about: fails until it is mended
+    input: euroc
+    command: "{python} PROGRAM {output}"
+    output: "{output}"
+    format: tum
+    frame: base_link
+    needs: [NEED]
+"""
+
+
+@pytest.mark.parametrize(
+    ("need", "statuses"), [("odometry", ["failed", "lost", "lost"]), ("stereo", ["failed"] * 2)]
+)
+def test_a_system_that_failed_is_run_again_unless_it_lacks_sensors(
+    written, tmp_path, monkeypatch, need, statuses
+):
+    monkeypatch.setattr(running_file, "require_served", lambda _: None)  # another rover has them
+    program, out = tmp_path / "mine.py", tmp_path / "out"
+    text = MINE.replace("PROGRAM", str(program)).replace("NEED", need)
+    (tmp_path / "mine.yaml").write_text(textwrap.dedent(text))
+    file = written(("[wheel-odometry]", "[mine.yaml]\n    trust: true"), *ONE)
+    found, times = [], []
+    for ending in ("exit(3)", "", "")[: len(statuses)]:
+        program.write_text(ending)
+        run_study(file, out, jobs=1)
+        (result,) = out.glob("cells/*/result.json")
+        found += [row["status"] for row in json.loads(result.read_text())["results"]]
+        times.append(result.stat().st_mtime_ns)
+    assert found == statuses
+    assert times[-1] == times[-2]
+
+
 def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(
     written, tmp_path, monkeypatch
 ):
