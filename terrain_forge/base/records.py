@@ -42,7 +42,7 @@ def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str,
     return {"dtype": dtype, "shape": shape, **more}
 
 
-class _Refusal(DataError, ValueError):
+class RecordError(DataError, ValueError):
     """Ours for a user, and for pydantic, which makes sensors, one of a value."""
 
 
@@ -54,7 +54,7 @@ def _refusing(check: Callable[[Any], None]) -> Callable[[Any], None]:
         try:
             check(self)
         except (TypeError, ValueError) as error:
-            raise _Refusal(str(error)) from None
+            raise RecordError(str(error)) from None
 
     return call
 

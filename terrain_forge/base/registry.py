@@ -11,10 +11,11 @@ import errno
 import inspect
 import logging
 import pkgutil
+import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -61,9 +62,13 @@ def plugins(group: str) -> dict[str, EntryPoint]:
 
 
 def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
-    """The module that an entry point names; None, with a warning, where it cannot be imported."""
+    """The module that an entry point names; None, with a warning, where it cannot be imported.
+
+    What it prints meanwhile goes where warnings do, not among what a command says.
+    """
     try:
-        return import_module(point.module)
+        with redirect_stdout(sys.stderr):
+            return import_module(point.module)
     except FOREIGN_FAILURES as error:  # whatever a foreign package raises must not break ours
         skip_plugin(point, group, failure_words(error))
         return None

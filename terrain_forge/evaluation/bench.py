@@ -373,8 +373,12 @@ def chosen_systems(
         binaries: `NAME=PATH` of programs that the user has; these systems are run too.
 
     Raises:
-        DataError: for an unknown name, or if there is no recording.
+        DataError: for an unknown name, a program that is not there, or if there is no recording.
     """
+    for pair in binaries:
+        path = Path(pair.partition("=")[2])
+        if len(path.parts) > 1 and not path.expanduser().exists():
+            raise DataError(f"--binary {pair}: no such program")
     if names is not None:
         named = [find_system(name.strip()) for name in names.split(",")]
         recording = open_recording(dataset)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from terrain_forge.base import (
     Array,
+    DataError,
     FileName,
     Fraction,
     NotNegative,
@@ -23,6 +24,7 @@ from terrain_forge.base import (
     Record,
     checked,
     complaint,
+    given_numbers,
     portable,
 )
 from terrain_forge.model.orbit import Ephemeris
@@ -56,7 +58,12 @@ def sheared(low_deg: float, mean_deg: float, high_deg: float, source: str) -> Su
     """Friction on regolith: the tangent of its angle of internal friction [degrees].
 
     Cohesion adds to it and sinkage takes from it; neither is modelled by a rigid contact.
+
+    Raises:
+        DataError: unless the three ascend.
     """
+    if not low_deg <= mean_deg <= high_deg:
+        raise DataError(f"sheared: {low_deg:g}, {mean_deg:g}, {high_deg:g}°: must ascend")
     low, mean, high = (round(math.tan(math.radians(a)), 2) for a in (low_deg, mean_deg, high_deg))
     return SurfaceFriction(coefficient=mean, lowest=low, highest=high, source=source)
 
@@ -82,6 +89,10 @@ class Frictions(Record):
     """On rocks that lie on the ground."""
 
 
+_OLDEST = 100.0
+"""Age of a surface [10⁹ years] for which a number is told."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chronology(Record):
     """N(1 km) = a (exp(b T) - 1) + c T, craters of 1 km and more on a km² of an age T [10⁹ years].
@@ -97,11 +108,19 @@ class Chronology(Record):
     steady: NotNegative
     """c [1/(km² · 10⁹ years)]."""
 
+    @checked
     def number(self, age: ArrayLike) -> Array:
-        """N(1 km) [1/km²] of surfaces of ages [10⁹ years]."""
-        age = np.asarray(age, np.float64)
+        """N(1 km) [1/km²] of surfaces of ages [10⁹ years].
+
+        Raises:
+            DataError: for ages below 0 or above 100.
+        """
+        age = given_numbers(age, "Chronology.number: age")
+        if age.size and not 0.0 <= age.min() <= age.max() <= _OLDEST:
+            raise DataError(f"Chronology.number: age must be 0 to {_OLDEST:g} [10⁹ years]")
         return np.asarray(self.burst * portable.expm1(self.rate * age) + self.steady * age)
 
+    @checked
     def growth(self, age: float) -> float:
         """Craters that a surface of an age [10⁹ years] has, over those after 10⁹ years."""
         return float(self.number(age) / self.number(1.0))

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    DataError,
     Record,
     Rows,
+    checked,
     matrix_from_quaternion,
     rectangle_distance,
     shaped,
@@ -75,18 +77,21 @@ class RockPrototype(Record):
                 raise ValueError(f"RockPrototype.uvs: shape {uv.shape}, expected a pair per corner")
             uv.setflags(write=False)
 
+    @checked
     def drawn(self, level: int) -> tuple[Mesh, Array]:
         """A level of detail, or with `CLOSE` the close mesh, and its texture coordinates.
 
         The latter are those of its faces' corners, shape [faces, 3, 2].
 
         Raises:
-            ValueError: for the close mesh of a shape without one.
+            DataError: for a level that it has not, and the close mesh of a shape without one.
         """
-        if level != CLOSE:
+        if level in range(len(self.meshes)):
             return self.meshes[level], self.uvs[level]
+        if level != CLOSE:
+            raise DataError(f"RockPrototype: level {level}: 0 to {len(self.meshes) - 1}")
         if self.close is None:
-            raise ValueError(f"RockPrototype: a shape of family {self.family} has no close mesh")
+            raise DataError(f"RockPrototype: a shape of family {self.family} has no close mesh")
         return self.close, box_projection(self.close)
 
 

@@ -73,6 +73,16 @@ class World(Record):
     horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        nodes = (self.window.rows + 1, self.window.columns + 1)
+        for what, shape in (
+            ("ground", self.ground.shape),
+            ("appearance", self.appearance.ground_rgb.shape[:2]),
+        ):
+            if shape != nodes:
+                raise ValueError(f"World: {what} has nodes of shape {shape}, its window {nodes}")
+
     @property
     def sun_diameter(self) -> float:
         """Angle that the Sun fills [rad]."""

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import FOREIGN_FAILURES, Record, failure_words, is_ours, parts, place_of
+from terrain_forge.base import (
+    FOREIGN_FAILURES,
+    PluginError,
+    Record,
+    failure_words,
+    is_ours,
+    parts,
+    place_of,
+)
 from terrain_forge.driving import DriveResult
 from terrain_forge.model import Check, Export, World, exporter, failed, plain_options
 from terrain_forge.recipe import ValidateSpec
@@ -135,11 +143,38 @@ def _checks(
         built = replace(built, progress=partial(progress, inspection.kind))
         progress(inspection.kind, 0.0)
     found: list[Check] = []
-    try:
-        found.extend(map(_judged, inspection.checks(built)))  # what it gave before it fails stays
-    except FOREIGN_FAILURES as error:
-        found.append(_at_fault(inspection, "check", error))
+    with _leaving(inspection, built.directory):
+        try:
+            found.extend(
+                map(_judged, inspection.checks(built))
+            )  # what it gave before it fails stays
+        except FOREIGN_FAILURES as error:
+            found.append(_at_fault(inspection, "check", error))
     return found
+
+
+@contextmanager
+def _leaving(inspection: Inspection, folder: Path) -> Iterator[None]:
+    """Refuse an inspection of another package that changes or removes files which are there.
+
+    Raises:
+        PluginError: names its module and the file.
+    """
+    module = type(inspection).__module__
+    before = {} if is_ours(module) else _states(folder)
+    yield
+    after = _states(folder) if before else {}
+    if odd := sorted(name for name in before if before[name] != after.get(name)):
+        raise PluginError(f"check {inspection.kind!r} ({module}) changed {odd[0]}")
+
+
+def _states(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of change of the files of a folder, by their names in it."""
+    files = {path: path.lstat() for path in folder.rglob("*") if not path.is_dir()}
+    return {
+        path.relative_to(folder).as_posix(): (stat.st_size, stat.st_mtime_ns)
+        for path, stat in files.items()
+    }
 
 
 def _judged(check: Check) -> Check:
@@ -229,4 +264,7 @@ def _write(
     files = [folder / "report.json", folder / "terrain.png"]
     files[0].write_text(text + "\n", encoding="utf-8")
     write_terrain_figure(statistics, files[1])
-    return files + [file for one in made for file in one.write(built, folder)]
+    for one in made:
+        with _leaving(one, built.directory):
+            files += one.write(built, folder)
+    return files

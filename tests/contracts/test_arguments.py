@@ -125,6 +125,14 @@ def test_methods_of_records_refuse_junk_in_a_line(part, small_world, valid):
         (lambda p: tf.score_poses(p, p, tf.ScoreOptions(align="bogus")), "ScoreOptions: align: mu"),
         (lambda p: tf.score_poses(p, p, tf.ScoreOptions(association="bogus")), "association: mu"),
         (lambda _: tf.plan({"schema": 1}), "plan: recipe must be a Recipe or "),
+        (lambda _: tf.Golombek(k=0.05).cumulative_number(0), "diameter must be above 0, found 0"),
+        (lambda _: tf.Golombek(k=0.05).cover_variance(0.0, 1.0, 0.0), "area must be a number at l"),
+        (lambda _: tf.sheared(50, 40, 30, "x"), "sheared: 50, 40, 30°: must ascend"),
+        (
+            lambda _: tf.Chronology(burst=1e-14, steady=1e-3).number("x"),
+            "number: age must be numbers",
+        ),
+        (lambda _: tf.Chronology(burst=1e-14, steady=1e-3).number(-1), "age must be 0 to 100"),
     ],
 )
 def test_specs_made_in_python_are_held_to_their_limits(use, words, valid):
@@ -137,6 +145,20 @@ def test_a_spec_that_was_checked_is_as_it_was():
     before = dict(vars(law))
     law.cumulative_number(0.2)
     assert (vars(law), law) == (before, pickle.loads(pickle.dumps(law)))
+
+
+def test_a_shape_has_the_levels_that_it_has(small_world):
+    for level in (None, 99):
+        with pytest.raises(tf.DataError, match="level"):
+            small_world.library.prototypes[0].drawn(level)
+
+
+def test_a_ground_that_its_window_does_not_fit_is_refused(small_world):
+    cut = small_world.ground.cut(column=0, row=0, columns=3, rows=2)
+    told = r"World: ground has nodes of shape \(3, 4\), its window \("
+    with pytest.raises(tf.DataError, match=told) as error:
+        small_world.replace(ground=cut)
+    assert not type(error.value).__name__.startswith("_")
 
 
 def test_a_field_that_no_recording_has_is_refused(small_world, tmp_path):

@@ -32,6 +32,7 @@ odd = odd_law
 odd = odd_shape
 [terrain_forge.checks]
 odd = odd_check
+meddler = meddling_check
 [terrain_forge.report_sections]
 odd = odd_section
 [terrain_forge.instruments]
@@ -86,6 +87,7 @@ MODULES = {
     + "    if options.what == 'link': (directory / 'mine').symlink_to(__file__)\n"
     + "    if options.what == 'go': os.chdir('/')\n"
     + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
+    + "    if options.what == 'keep': (directory / 'kept').write_text('kept')\n"
     + "    if options.what == 'read': open('/nowhere/mine')\n"
     + "    if options.what == 'lost': open(directory / 'gone' / 'mine', 'w')\n"
     + "    if options.what == 'full': raise OSError(28, 'full')\n"
@@ -175,6 +177,15 @@ MODULES = {
     + "class Leaver(Nan):\n    kind = 'leaver'\n"
     + "    def checks(self, built): exit(0)\n"
     + "    def report(self): return {}\n",
+    "meddling_check.py": "print('hello')\n"
+    + "from terrain_forge.validation import Inspection\n"
+    + "class Meddler(Inspection):\n    kind = 'meddler'\n"
+    + "    def checks(self, built):\n"
+    + "        if (file := built.directory / 'strayer' / 'kept').exists(): file.write_text('')\n"
+    + "        return ()\n"
+    + "    def write(self, built, folder):\n"
+    + "        if (built.directory / 'spoilt').exists(): (folder / 'report.json').unlink()\n"
+    + "        return ()\n",
     "rock_body.py": "import dataclasses\n"
     + "from terrain_forge.model.bodies.mercury import MERCURY\n"
     + "ROCK = dataclasses.replace(MERCURY, name='rock')\n",
@@ -295,6 +306,11 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
         ({"layers": "{kind: odd, what: place}"}, "read-only"),
         ({"exports": "[strayer]"}, "an exporter (straying_exporter) wrote mine beside its folder"),
         ({"exports": "{strayer: {what: go}}"}, "(straying_exporter) changed the current folder"),
+        ({"exports": "{strayer: {what: keep}}"}, "'meddler' (meddling_check) changed strayer/kept"),
+        (
+            {"exports": "{spoilt: {kind: strayer, what: none}}"},
+            "(meddling_check) changed validation/report.json",
+        ),
         (
             {"exports": "{strayer: {what: link}}"},
             "exporter 'strayer' (straying_exporter) left the link mine in its folder",
@@ -460,6 +476,7 @@ def test_doctor_lists_the_parts_of_others(installed):
     with fresh(installed, anew=True):
         done = run("doctor")
     assert done.returncode == 0
+    assert "hello" not in done.stdout  # what a module prints as it is imported
     lines = [" ".join(line.split()) for line in done.stdout.splitlines()]
     for line in (
         "layer odd works (odd_layer)",

@@ -106,7 +106,7 @@ class Counts(SizeLaw):
         """F(>D) of the fitted law; up to a constant where it diverges."""
         return self.fitted.law.cumulative_area(diameter)
 
-    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+    def cover_variance(self, smallest: float, largest: float, area: Positive) -> float:
         """Variance of the cover by the fitted law."""
         return self.fitted.law.cover_variance(smallest, largest, area)
 

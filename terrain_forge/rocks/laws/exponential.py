@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, kernel, mix, portable, uniform
+from terrain_forge.base import Array, Positive, kernel, mix, portable, uniform
 from terrain_forge.rocks.laws.law import SizeLaw
 
 
@@ -39,7 +39,7 @@ class Exponential(SizeLaw):
         d = np.asarray(diameter, np.float64)
         return portable.log(self.number_per_m2 * self.decay_per_m) - self.decay_per_m * d
 
-    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+    def cover_variance(self, smallest: float, largest: float, area: Positive) -> float:
         """(π/4)² (N0 / λ⁴) (γ(λ b) - γ(λ a)) / area, γ(x) = ∫ t⁴ exp(-t) dt from 0 to x."""
         below = [_fourth_moment(self.decay_per_m * d) for d in (smallest, largest)]
         scale = (0.25 * np.pi) ** 2 * self.number_per_m2 / self.decay_per_m**4

@@ -13,6 +13,7 @@ from terrain_forge.base import (
     Array,
     Key,
     NotNegative,
+    Positive,
     RecipeError,
     Spec,
     kernel,
@@ -21,7 +22,7 @@ from terrain_forge.base import (
     uniform,
 )
 from terrain_forge.model import BODIES, MARS, Body
-from terrain_forge.rocks.laws.law import SizeLaw
+from terrain_forge.rocks.laws.law import SizeLaw, above_zero
 from terrain_forge.rocks.laws.sites import ABUNDANCES, GolombekSite, RockAbundance
 
 MAX_K = 0.4
@@ -107,7 +108,7 @@ class Golombek(SizeLaw):
         """N(>D) = (4 k q / π) (exp(-q D) / D - q E1(q D)) [1/m²]."""
         from scipy.special import exp1
 
-        d, k, q = np.asarray(diameter, np.float64), self.abundance, self.q
+        d, k, q = above_zero(diameter), self.abundance, self.q
         return np.asarray(4.0 * k * q / np.pi * (portable.exp(-q * d) / d - q * exp1(q * d)))
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
@@ -116,10 +117,10 @@ class Golombek(SizeLaw):
 
     def log_density(self, diameter: ArrayLike) -> Array:
         """Logarithm of n = -dN/dD [m⁻³]: log n(D) = log(4 k q / π) - q D - 2 log D."""
-        d, q = np.asarray(diameter, np.float64), self.q
+        d, q = above_zero(diameter), self.q
         return portable.log(4.0 * self.abundance * q / np.pi) - q * d - 2.0 * portable.log(d)
 
-    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+    def cover_variance(self, smallest: float, largest: float, area: Positive) -> float:
         """(π k q / 4 area) (G(a) - G(b)), G(D) = exp(-q D) (D² / q + 2 D / q² + 2 / q³)."""
         q = self.q
         d = np.array([smallest, largest])

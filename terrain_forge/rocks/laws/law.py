@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, Spec, returning
+from terrain_forge.base import Array, DataError, Key, RecipeError, Spec, returning
 from terrain_forge.model import Body
 
 
@@ -114,3 +114,15 @@ class SizeLaw(Spec):
             plain = {"kind": self.kind, **self.report()}
             json.dumps(plain, allow_nan=False)
         return plain
+
+
+def above_zero(diameter: ArrayLike) -> Array:
+    """Diameters [m] for a law that has ever more rocks the smaller they are.
+
+    Raises:
+        DataError: if one is not above 0.
+    """
+    numbers = np.asarray(diameter, np.float64)
+    if not (numbers > 0.0).all():
+        raise DataError(f"diameter must be above 0, found {numbers.min():g}")
+    return numbers

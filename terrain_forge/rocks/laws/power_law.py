@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike, NDArray
 
-from terrain_forge.base import Array, Key, RecipeError, kernel, mix, portable, uniform
+from terrain_forge.base import Array, Key, Positive, RecipeError, kernel, mix, portable, uniform
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.laws.sites import FRAGMENTS, FragmentCount, SurveyorSite
 
@@ -61,7 +61,7 @@ class PowerLaw(SizeLaw):
         log_d = portable.log(np.asarray(diameter, np.float64))
         return portable.log(number * exponent) - (exponent + 1.0) * log_d
 
-    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+    def cover_variance(self, smallest: float, largest: float, area: Positive) -> float:
         """(π/4)² c m (b^(4-m) - a^(4-m)) / (4 - m) / area."""
         number, exponent = self.coefficients
         moment = moment_above(np.array([smallest, largest]), exponent, 4)

@@ -23,7 +23,7 @@ from terrain_forge.base import (
     portable,
     uniform,
 )
-from terrain_forge.rocks.laws.law import SizeLaw
+from terrain_forge.rocks.laws.law import SizeLaw, above_zero
 from terrain_forge.rocks.laws.power_law import moment_above
 
 if TYPE_CHECKING:
@@ -62,13 +62,13 @@ class Tabulated(SizeLaw):
 
     def cumulative_number(self, diameter: ArrayLike) -> Array:
         """N(>D) [1/m²], log-log linear between the rows."""
-        return self._pieces.number(np.asarray(diameter, np.float64))
+        return self._pieces.number(above_zero(diameter))
 
     def cumulative_area(self, diameter: ArrayLike) -> Array:
         """F(>D), exact for the pieces; up to a constant if the last one's exponent is ≤ 2."""
         return 0.25 * np.pi * self._moment_above(np.asarray(diameter, np.float64), 2)
 
-    def cover_variance(self, smallest: float, largest: float, area: float) -> float:
+    def cover_variance(self, smallest: float, largest: float, area: Positive) -> float:
         """(π/4)² ∫ D⁴ n(D) dD / area, exact for the pieces."""
         moment = self._moment_above(np.array([smallest, largest]), 4)
         return float((0.25 * np.pi) ** 2 * (moment[0] - moment[1]) / area)
