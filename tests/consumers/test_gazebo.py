@@ -136,7 +136,7 @@ def test_dynamic_rocks_stay_on_the_ground_in_gazebos_physics(small_world, tmp_pa
         quaternion=np.tile(np.roll(turn.as_quat(), 1), (6, 1)),
     )
     library = small_world.library.replace(prototypes=(shape,))
-    world = small_world.replace(ground=plane, field=field, library=library)
+    world = worlds.on_ground(small_world, plane, field=field, library=library)
     directory = exported(world, tmp_path / "sdf")
     found = rested(build, directory, directory / "world.sdf", 3)
     for row, rock in enumerate(field.id):

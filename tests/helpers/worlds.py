@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -24,6 +25,7 @@ from terrain_forge.model import (
     Rover,
     Site,
     Trajectory,
+    Window,
     World,
 )
 from terrain_forge.recipe import recipe_json
@@ -193,6 +195,18 @@ def world(*, rocks: int = 40, rover: Rover | None = None) -> World:
         ),
         unplaced=(0, 0),
     )
+
+
+def on_ground(world: World, ground: Heightfield, **more: Any) -> World:
+    """A world on another ground: all of its window, in one colour, with what else is changed."""
+    rows, columns = ground.shape
+    looks = world.appearance.replace(
+        ground_rgb=np.tile(world.appearance.ground_rgb[0, 0], (rows, columns, 1)),
+        material=None,
+        drift=None,
+    )
+    window = Window(column=0, row=0, columns=columns - 1, rows=rows - 1)
+    return world.replace(**({"ground": ground, "appearance": looks, "window": window} | more))
 
 
 def of_materials(world: World, material, frictions) -> World:

@@ -317,9 +317,8 @@ def test_contacts_that_are_dropped_stop_the_drive(tmp_path):
     world = plain(line((-0.1, 0), (0.1, 0)))
     fine = np.zeros((201, 201), np.float32)
     ground = world.ground.replace(elevation=fine, spacing=0.01, origin=(-1.0, -1.0))
-    colours = world.appearance.replace(ground_rgb=np.full((201, 201, 3), 120))
     with pytest.raises(SimulationError, match="contacts were dropped"):
-        start(world.replace(ground=ground, appearance=colours), tmp_path)
+        start(worlds.on_ground(world, ground), tmp_path)
 
 
 def test_numbers_that_are_not_finite_stop_the_drive(tmp_path):

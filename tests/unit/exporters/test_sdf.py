@@ -275,7 +275,7 @@ def test_a_square_grid_of_the_right_size_is_kept_node_for_node(small_world, tmp_
 
 def test_a_ground_too_large_for_a_heightmap_is_refused(small_world, tmp_path):
     strip = Heightfield(elevation=np.zeros((2, 4098)), spacing=0.25, origin=(0.0, 0.0))
-    world = small_world.replace(ground=strip)
+    world = worlds.on_ground(small_world, strip)
     with pytest.raises(ExportError, match=r"4097 × 1 cells.*at most 4096.*ground: mesh"):
         export(world, tmp_path, options=Options(ground="heightmap"))
     assert not list(tmp_path.iterdir())

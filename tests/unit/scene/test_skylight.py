@@ -21,7 +21,7 @@ def scene():
     size = np.append(2.5, world.field.scale[1:])
     field = world.field.replace(position=place, scale=size, diameter=size)
     look = world.appearance.replace(ground_rgb=np.full((129, 129, 3), 107))
-    with open_scene(world.replace(ground=ground, field=field, appearance=look)) as scene:
+    with open_scene(worlds.on_ground(world, ground, field=field, appearance=look)) as scene:
         yield scene
 
 

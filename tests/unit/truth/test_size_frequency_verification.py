@@ -62,12 +62,12 @@ def scattered(diameters, *, side=100.0, seed=11):
     world = worlds.world(rocks=count)
     site = world.site.replace(size=(side, side), spacing=1.0)
     nodes = round(side) + 1
-    return world.replace(
-        site=site,
-        window=site.window,
-        ground=world.ground.replace(
+    return worlds.on_ground(
+        world,
+        world.ground.replace(
             elevation=np.zeros((nodes, nodes)), spacing=1.0, origin=(-side / 2, -side / 2)
         ),
+        site=site,
         field=world.field.replace(
             populations=tuple(f"p{n}" for n in range(len(diameters))),
             population=np.repeat(np.arange(len(diameters)), list(map(len, diameters))),

@@ -80,10 +80,10 @@ def with_boxes(positions):
         meshes=(shape,), hulls=(shape,), uvs=(np.zeros((len(shape.faces), 3, 2)),)
     )
     count = len(positions)
-    return world.replace(
+    return worlds.on_ground(
+        world,
+        world.ground.replace(elevation=np.zeros((17, 25)), spacing=1.0),
         site=world.site.replace(spacing=1.0),
-        window=world.site.replace(spacing=1.0).window,
-        ground=world.ground.replace(elevation=np.zeros((17, 25)), spacing=1.0),
         library=world.library.replace(prototypes=(prototype,)),
         field=world.field.replace(
             prototype=np.zeros(count),
@@ -301,7 +301,7 @@ def test_daylight_and_drowned_rocks_are_found():
     np.testing.assert_allclose(foot, [-0.15, 0.07, -1.05], atol=1e-6)
     np.testing.assert_allclose(top, [0.8, 1.02, -0.1], atol=1e-6)
     daylight, drowned = Resting().checks(
-        SimpleNamespace(world=world.replace(ground=flat, library=library, field=field))
+        SimpleNamespace(world=worlds.on_ground(world, flat, library=library, field=field))
     )
     assert (daylight.figure, drowned.figure) == (1.0, 1.0)
     assert not drowned.passed
