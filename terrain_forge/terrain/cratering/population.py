@@ -162,8 +162,8 @@ class Population:
     def part(self, diameter: Array) -> Array:
         """Part of the whole age's craters of a size that the oldest ones left have seen, 0 to 1."""
         chronology, production = self.chronology, self.production
-        oldest = chronology.number(production.oldest(diameter))
-        whole = chronology.number(production.age_ga)
+        oldest: Array = chronology.number(production.oldest(diameter))
+        whole: Array = chronology.number(production.age_ga)
         if production.counted:  # those that are young enough to be seen
             vanishing = vanishing_wear(diameter, body=self.body) * diameter**2
             with np.errstate(divide="ignore"):
