@@ -26,7 +26,7 @@ from terrain_forge.paths.curves import SHARPEST, Curve, trace
 
 Planar = Callable[[Array], Array]
 
-_FARTHEST = 0.1
+_FARTHEST = 0.5
 """Between two points of a curve of another package's [m]."""
 _SAMPLES = 20_000
 """Parameters from which a smooth shape's length is measured: within 1e-7."""
