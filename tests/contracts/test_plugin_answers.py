@@ -158,7 +158,7 @@ MODULES = {
     + "class Odd(NamedShape):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'none'\n"
     + "    def outline(self, key):\n"
     + "        if self.what == 'none': return None\n"
-    + "        t = np.linspace(0.0, 2.0 * np.pi, 20 if self.what == 'far' else 400)\n"
+    + "        t = np.linspace(0.0, 2.0 * np.pi, 8 if self.what == 'far' else 400)\n"
     + "        position = np.stack([np.sin(t), -np.cos(t)], -1)\n"
     + "        ahead = {'side': t * 0.0, 'wrapped': t % np.pi}.get(self.what, t)\n"
     + "        return Curve(position=position, heading=ahead)\n",
