@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import Idle, NotNegative, RecipeError, Spec
+from terrain_forge.base import Idle, NearPath, NotNegative, RecipeError, Spec
 
 _VERSIONS = {"classic": "1.6", "fortress": "1.9", "garden": "1.10"}
 
@@ -35,7 +35,7 @@ class Options(Spec):
     collision more slows every step of the physics. Dynamic rocks are never merged."""
     outline_error: Annotated[float, Interval(ge=0, le=0.5)] = 0.02
     """Largest error of a merged rock's outline, as a fraction of its size: how coarse it may be."""
-    close_within_m: NotNegative = 0.0
+    close_within_m: NearPath = 0.0
     """How far from a path single rocks of at least 0.25 m are drawn by the finer meshes of their
     shapes that a camera at 1 m asks for, at most [m]; 0 for none."""
     tile_cells: Annotated[int, Interval(ge=16, le=1024)] = 256

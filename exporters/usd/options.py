@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import Idle, NotNegative, Positive, Spec
+from terrain_forge.base import Idle, NearPath, NotNegative, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Options(Spec):
     what the law of the recipe's smallest rocks gives on down to there."""
     pebbles_within_m: Positive = 2.0
     """How far from a path they lie, at most [m]."""
-    close_within_m: NotNegative = 0.0
+    close_within_m: NearPath = 0.0
     """How far from a path ground and rocks are drawn as a camera at 1 m asks for, at most [m]; 0
     for none: the ground by pictures of its own with pixels of 4 mm, or as fine as 2**24 of them
     reach, rocks of at least 0.25 m by the finer meshes of their shapes. Of a site in tiles each

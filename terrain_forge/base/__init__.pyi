@@ -114,6 +114,7 @@ from .specs import FileName as FileName
 from .specs import Fraction as Fraction
 from .specs import Idle as Idle
 from .specs import InputFile as InputFile
+from .specs import NearPath as NearPath
 from .specs import NotNegative as NotNegative
 from .specs import Pair as Pair
 from .specs import Positive as Positive

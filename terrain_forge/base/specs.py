@@ -42,6 +42,7 @@ FARTHEST = 1e9
 
 Positive = Annotated[float, Interval(ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Interval(ge=0, le=MOST)]
+NearPath = Annotated[float, Interval(ge=0, le=100)]
 Fraction = Annotated[float, Interval(ge=0, le=1)]
 Coordinate = Annotated[float, Interval(ge=-FARTHEST, le=FARTHEST)]
 Pair = tuple[Coordinate, Coordinate]

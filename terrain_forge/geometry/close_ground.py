@@ -107,11 +107,12 @@ def cells_near_paths(tile: Tile, *, within: float) -> Mask:
     cells = ground.shape[0] - 1, ground.shape[1] - 1
     if within <= 0.0:
         return np.zeros(cells, np.bool_)
-    reach = math.ceil(within / ground.spacing) + 1
-    away = np.ones((cells[0] + 2 * reach, cells[1] + 2 * reach), np.bool_)
     places = np.floor(
         (path_points(tile.whole.trajectories) - ground.origin) / ground.spacing
     ).astype(np.int64)
+    outside = max(-places.min(initial=0), (places - cells[::-1]).max(initial=0)) + 1
+    reach = min(math.ceil(within / ground.spacing), int(outside)) + 1
+    away = np.ones((cells[0] + 2 * reach, cells[1] + 2 * reach), np.bool_)
     column, row = (places + reach).T
     inside = (row >= 0) & (row < away.shape[0]) & (column >= 0) & (column < away.shape[1])
     away[row[inside], column[inside]] = False

@@ -164,3 +164,8 @@ def test_glb_shows_them_by_primitives_of_their_own(world, tmp_path):
             shown = np.asarray(Image.open(io.BytesIO(view(image["bufferView"])))).astype(int)
             assert np.abs(shown[::-1] - patch.texture.rgb).mean() < 4.0
             assert "TANGENT" in part["attributes"]
+
+
+def test_what_is_near_a_path_takes_no_memory_for_what_lies_around_the_ground(world):
+    for tile in world.tiles(cells=40):
+        assert cells_near_paths(tile, within=1e9).all()
