@@ -111,7 +111,8 @@ def bake_cells(tile: World, first: tuple[int, int], drawn: Mask, *, finer: int) 
     )
     grid = stage_key(tile.site.seed, "grain"), origin, ground.spacing, finer
     shown = looks.ground_rgb, looks.grain
-    over_chunks(_bake, rows, *grid, drawn, *shown, linear, encoded, rgb, normals)
+    whole = np.ascontiguousarray(drawn)  # a piece of a larger one would be another type
+    over_chunks(_bake, rows, *grid, whole, *shown, linear, encoded, rgb, normals)
     return GroundTexture(rgb=rgb, normals=normals)
 
 

@@ -18,6 +18,7 @@ from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage
 from terrain_forge.model import (
     USUAL_CELLS,
     BuiltTile,
+    Heightfield,
     RockField,
     Site,
     Tile,
@@ -38,8 +39,12 @@ _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
 _SUNK = 0.02  # how deep its lowest corner lies in the ground at least [diameters]
 
 
-def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
+def path_pebbles(
+    world: World, *, smallest: float, within: float, around: Heightfield | None = None
+) -> RockField:
     """Pebbles from a diameter [m] on, up to a distance from the world's paths [m].
+
+    They stand on the world's ground; `around` is that with some of what lies beyond its border.
 
     The same pebbles lie in any window, but for their ids, by which they have a colour. Those are
     above the ids of the world's rocks.
@@ -63,7 +68,8 @@ def path_pebbles(world: World, *, smallest: float, within: float) -> RockField:
     places, drawn = np.concatenate(plan), np.concatenate(hashes)
     near = path_distance(world, places) <= within
     near &= world.ground.covers(places[:, 0], places[:, 1])
-    return _laid(world, places[near], drawn[near], law.sample(drawn[near], smallest, largest))
+    diameter = law.sample(drawn[near], smallest, largest)
+    return _laid(world, around or world.ground, places[near], drawn[near], diameter)
 
 
 def _require_few(expected: float, smallest: float, within: float) -> None:
@@ -92,7 +98,8 @@ def tiles_near_paths(
     for built, tile in tiled.near_paths(max(close, within if smallest else 0.0)):
         laid = tile.field.select(np.zeros(len(tile.field), np.bool_))
         if smallest:
-            laid = path_pebbles(tile.world, smallest=smallest, within=within)
+            around = tile.whole.ground
+            laid = path_pebbles(tile.world, smallest=smallest, within=within, around=around)
         yield built, tile, laid.select(owned(laid, tile.ground, tiled.site.bounds))
 
 
@@ -181,7 +188,13 @@ def _cells(world: World, within: float) -> Array:
     return np.asarray(cells[path_distance(world, (cells + 0.5) * _CELL) <= within + _CELL])
 
 
-def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Array) -> RockField:
+def _laid(
+    world: World,
+    around: Heightfield,
+    places: Array,
+    hashes: NDArray[np.uint64],
+    diameter: Array,
+) -> RockField:
     """The pebbles as rocks, in whatever shape and turn their hashes say."""
     count, shapes = len(places), world.library.prototypes
     turn = np.pi * ((hashes >> np.uint64(8)) & np.uint64(0xFFFF)).astype(np.float64) / 2.0**16
@@ -190,7 +203,7 @@ def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Arr
     quaternion[:, 0], quaternion[:, 3] = np.cos(turn), np.sin(turn)
     prototype = ((hashes >> np.uint64(32)) % np.uint64(len(shapes))).astype(np.int32)
     volume = np.array([shape.volume for shape in shapes])[prototype] * diameter**3
-    rise = _rises(world, places, turn, prototype, diameter)
+    rise = _rises(world, around, places, turn, prototype, diameter)
     populations = world.site.recipe.rocks.populations
     last = max(int(rocks.id.max(initial=-1)) for rocks in (world.field, world.neighbours))
     finest = int(np.argmin([_smallest(population) for population in populations]))
@@ -213,7 +226,12 @@ def _laid(world: World, places: Array, hashes: NDArray[np.uint64], diameter: Arr
 
 
 def _rises(
-    world: World, places: Array, turn: Array, prototype: NDArray[np.int32], diameter: Array
+    world: World,
+    around: Heightfield,
+    places: Array,
+    turn: Array,
+    prototype: NDArray[np.int32],
+    diameter: Array,
 ) -> Array:
     """Heights of the pebbles' centres over the ground below them [m].
 
@@ -223,10 +241,10 @@ def _rises(
     lowest = np.array([corners[corners[:, 2].argmin()] for corners in drawn], np.float64)
     x, y, low = (lowest[prototype] * diameter[:, None]).T
     cosine, sine = np.cos(2.0 * turn), np.sin(2.0 * turn)
-    west, south, east, north = world.ground.bounds
-    foot = world.ground.height_at(
+    west, south, east, north = around.bounds
+    foot = around.height_at(
         np.clip(places[:, 0] + cosine * x - sine * y, west, east),
         np.clip(places[:, 1] + sine * x + cosine * y, south, north),
     )
-    fall = world.ground.height_at(places[:, 0], places[:, 1]) - foot
+    fall = around.height_at(places[:, 0], places[:, 1]) - foot
     return np.asarray(np.minimum(_HIGH * diameter, -low - fall - _SUNK * diameter))

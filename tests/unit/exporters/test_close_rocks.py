@@ -13,6 +13,7 @@ from terrain_forge.exporters.sdf import export as export_sdf
 from terrain_forge.exporters.usd import Options as UsdOptions
 from terrain_forge.exporters.usd import export as export_usd
 
+from terrain_forge.base import DataError
 from terrain_forge.geometry import skin
 from terrain_forge.model import CLOSE, Mesh
 from terrain_forge.rocks import seen_close
@@ -130,7 +131,7 @@ def test_the_library_holds_the_close_mesh(world, exported):
         np.testing.assert_allclose(drawn.GetPointsAttr().Get(), mesh.vertices, atol=1e-6)
         st = UsdGeom.PrimvarsAPI(drawn).GetPrimvar("st").Get()
         np.testing.assert_allclose(st, uvs.reshape(-1, 2), atol=1e-6)
-    with pytest.raises(ValueError, match="no close mesh"):
+    with pytest.raises(DataError, match="no close mesh"):
         world.library.prototypes[-1].drawn(CLOSE)
 
 
