@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
@@ -12,6 +13,9 @@ from pathlib import Path
 _PACKAGE = str(Path(__file__).parents[1])
 _LONGEST = 300
 """Characters of another library's message that are shown."""
+
+DISK_FULL = errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS
+"""What the system says where a disk takes no more."""
 
 
 class TerrainForgeError(Exception):

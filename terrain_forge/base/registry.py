@@ -22,7 +22,7 @@ from importlib.metadata import EntryPoint, distributions, entry_points
 from types import ModuleType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from terrain_forge.base.errors import PluginError, TerrainForgeError
+from terrain_forge.base.errors import DISK_FULL, PluginError, TerrainForgeError
 from terrain_forge.base.specs import Spec
 
 _OURS = "terrain_forge"
@@ -37,9 +37,6 @@ _asked: set[str] = set()
 
 _PLAIN = {f"ClassVar[{kind.__name__}]": kind for kind in (str, int)}
 """Types of class attributes that are looked at, as bases write them."""
-
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO}
-"""What the system says of its disks, whoever writes."""
 
 FOREIGN_FAILURES = (Exception, SystemExit)
 """What code of other packages may raise; an exit of theirs must not end ours as if all was done."""
@@ -179,7 +176,7 @@ def plugin_at_fault(error: BaseException) -> str:
 
     It is empty for our code, and for what the disk is to blame for.
     """
-    if getattr(error, "errno", None) in _FULL:
+    if getattr(error, "errno", None) in (*DISK_FULL, errno.EIO):
         return ""
     points = [point for package in distributions() for point in package.entry_points]
     foreign = [point for point in points if point.group.startswith(f"{_OURS}.")]

@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from terrain_forge.base.bounded import size_text
-from terrain_forge.base.errors import StorageError, TerrainForgeError
+from terrain_forge.base.errors import DISK_FULL, StorageError, TerrainForgeError
 from terrain_forge.base.registry import plugin_at_fault
 
 _FULL = 2**16
 """Bytes below which a disk is full."""
 _REFUSALS = {
-    *(errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM),
+    *(*DISK_FULL, errno.EACCES, errno.EPERM),
     *(errno.EIO, errno.ENAMETOOLONG, errno.EBUSY, errno.EXDEV, errno.ENOLCK, errno.ENOTSUP),
     *(errno.ENOENT, errno.EEXIST, errno.ENOTDIR, errno.ELOOP),
 }
@@ -25,7 +25,6 @@ _MISTAKES = {errno.ENOENT, errno.EEXIST, errno.ENOTDIR}
 """Of them, those that code causes by a wrong name."""
 _SQLITE = {10: errno.EIO, 13: errno.ENOSPC}
 """SQLite's own numbers for what the disk refused (SQLITE_IOERR, SQLITE_FULL)."""
-_IN_WORDS = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EROFS)
 
 
 @contextmanager
@@ -90,7 +89,7 @@ def _fault(error: BaseException | None, folder: Path) -> str:
         if number in _REFUSALS and not (theirs and _is_elsewhere(error, folder)):
             return os.strerror(number)
         told = str(error)  # OpenUSD and GDAL tell it in words, and may have made room since
-        for why in map(os.strerror, _IN_WORDS):
+        for why in map(os.strerror, DISK_FULL):
             if why in told:
                 return why
         error = error.__cause__ or error.__context__

@@ -213,8 +213,7 @@ def _tiled_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float
 
 def _tiles_of(site: Site) -> int:
     """How many tiles a site has that is built in them."""
-    side = tile_cells(site.recipe) * site.spacing
-    return math.ceil(site.size[0] / side) * math.ceil(site.size[1] / side)
+    return math.prod(math.ceil(length / site.tile_side) for length in site.size)
 
 
 def calibrated(stages: Mapping[str, float]) -> dict[str, float]:
@@ -279,7 +278,7 @@ def _tiles_near(site: Site, length: float, within: float) -> tuple[float, float]
     if site.recipe.tiles is None:
         return 1.0, 0.0
     nodes = min(tile_cells(site.recipe) ** 2, expected_nodes(site.recipe))
-    side = tile_cells(site.recipe) * site.spacing
+    side = site.tile_side
     crossed = length * (4.0 / math.pi * side + 2.0 * within) / side**2
     return min(len(site.recipe.paths) + crossed, _tiles_of(site)), nodes
 

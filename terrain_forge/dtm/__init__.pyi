@@ -26,6 +26,7 @@ from .interpolation import dtm_heights as dtm_heights
 from .lattice import Nodes as Nodes
 from .lattice import PixelFrame as PixelFrame
 from .lattice import Places as Places
+from .lattice import Posts as Posts
 from .lattice import bilinear as bilinear
 from .lattice import node_places as node_places
 from .lattice import patch_pixels as patch_pixels
@@ -34,7 +35,6 @@ from .lattice import require_straight as require_straight
 from .misnamed import ARRAYS as ARRAYS
 from .misnamed import file_to_open as file_to_open
 from .pixels import Pixels as Pixels
-from .pixels import Posts as Posts
 from .places import expanded as expanded
 from .places import place_lines as place_lines
 from .places import terrain_models as terrain_models

@@ -84,22 +84,25 @@ def read_surroundings(
 def _first(raster: Raster, crs: str, to_pixel: tuple[float, ...], half: float) -> float:
     """Half the side [m] of the smallest window that has samples enough, from a half side on."""
     whole = placed(raster, crs, to_pixel)
-    have = max(*_extent(whole, crs, half), 1e-9)
+
+    def samples(half: float) -> float:
+        return max(float(np.ptp(index)) for index in _pixels(whole, crs, half))
+
+    have = max(samples(half), 1e-9)
     if not np.isfinite(have):
         return half
     wanted = min(_POSTS, min(raster.shape) // 2)
     found = half * 2.0 ** max(ceil(float(portable.log2(wanted / have))), 0)
     # Where meridians converge a wider window has more than that: then none of its samples is left.
-    while found > half and not max(_extent(whole, crs, found)) < 2.0 * _POSTS:
+    while found > half and not samples(found) < 2.0 * _POSTS:
         found *= 0.5
     return found
 
 
-def _extent(whole: Georeferenced, crs: str, half: float) -> tuple[float, float]:
-    """Columns and rows that a window of half a side [m] reaches over; not finite at a pole."""
+def _pixels(whole: Georeferenced, crs: str, half: float) -> tuple[Array, Array]:
+    """Columns and rows of points all over a window of half a side [m]; not finite at a pole."""
     steps = np.linspace(-half, half, 9)
-    column, row = patch_pixels(whole, crs, *np.meshgrid(steps, steps))
-    return float(np.ptp(column)), float(np.ptp(row))
+    return patch_pixels(whole, crs, *np.meshgrid(steps, steps))
 
 
 def _level(
@@ -117,8 +120,7 @@ def _level(
     it is followed by another.
     """
     whole = placed(raster, crs, to_pixel)
-    steps = np.linspace(-half, half, 9)
-    column, row = patch_pixels(whole, crs, *np.meshgrid(steps, steps))
+    column, row = _pixels(whole, crs, half)
     if not (np.isfinite(column).all() and np.isfinite(row).all()):
         return None
     wide, high = np.ptp(column), np.ptp(row)

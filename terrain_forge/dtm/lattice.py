@@ -74,6 +74,13 @@ class Nodes:
         return site.west + columns * site.spacing, site.south + rows * site.spacing
 
 
+class Posts(NamedTuple):
+    """A rectangle of a DTM's posts."""
+
+    rows: slice
+    columns: slice
+
+
 class Places(NamedTuple):
     """Fractional pixel columns and rows of nodes: exact at anchors, linear between them."""
 
@@ -93,6 +100,17 @@ class Places(NamedTuple):
         columns, rows = (self.column_index, self.column_part), (self.row_index, self.row_part)
         column, row = (bilinear(values, columns, rows) for values in self.anchors)
         return column, row
+
+    def posts(self, shape: tuple[int, ...]) -> Posts:
+        """The posts of a patch of that shape that the nodes lie between, two at least each way."""
+        columns, rows = (
+            slice(
+                min(max(int(np.floor(index.min())) - 1, 0), most - 2),
+                max(min(int(np.ceil(index.max())) + 2, most), 2),
+            )
+            for index, most in zip(self.anchors, shape[::-1], strict=True)
+        )
+        return Posts(rows, columns)
 
 
 @inner
@@ -202,9 +220,13 @@ class PixelFrame:
     def of(cls, site: Site) -> PixelFrame:
         """The frame of a site that has a DTM."""
         assert site.dtm is not None
-        step = 0.5 * site.dtm.posting
+        return cls.at(site.dtm, site.crs, 0.5 * site.dtm.posting)
+
+    @classmethod
+    def at(cls, raster: Georeferenced, crs: str, step: float) -> PixelFrame:
+        """The frame of a raster, by points so far from the centre of a site's local CRS [m]."""
         east, north = np.array([-step, step, 0.0, 0.0]), np.array([0.0, 0.0, -step, step])
-        column, row = patch_pixels(site.dtm, site.crs, east, north)
+        column, row = patch_pixels(raster, crs, east, north)
         across, down = (
             (float(n[1] - n[0]) / (2 * step), float(n[3] - n[2]) / (2 * step))
             for n in (column, row)

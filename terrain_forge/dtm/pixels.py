@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +18,6 @@ from terrain_forge.dtm.lattice import (
 from terrain_forge.model import Site
 
 _ANCHOR_PIXELS = 8
-
-
-class Posts(NamedTuple):
-    """A rectangle of a DTM's posts."""
-
-    rows: slice
-    columns: slice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,17 +45,6 @@ class Pixels:
             columns=int(high[0] - low[0]) + 1,
             rows=int(high[1] - low[1]) + 1,
         )
-
-    def posts(self, shape: tuple[int, ...]) -> Posts:
-        """The patch's posts that nodes on these pixels lie between, two at least each way."""
-        rows, columns = (
-            slice(min(max(first - 1, 0), most - 2), max(min(first + count + 1, most), 2))
-            for first, count, most in (
-                (self.row, self.rows, shape[0]),
-                (self.column, self.columns, shape[1]),
-            )
-        )
-        return Posts(rows, columns)
 
     def centres(self, site: Site) -> Array:
         """East and north of the pixels' centres [m], shape [2, rows, columns].

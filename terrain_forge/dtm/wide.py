@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, kernel, over_chunks
-from terrain_forge.dtm.lattice import Georeferenced, anchors, bilinear, patch_pixels
+from terrain_forge.dtm.lattice import Georeferenced, PixelFrame, anchors, bilinear, patch_pixels
 from terrain_forge.dtm.projection import transform, wrap_around
 from terrain_forge.dtm.raster import Raster, ground_steps
 from terrain_forge.model import Bounds, Heightfield
@@ -56,11 +56,8 @@ def finest_step(raster: Raster, crs: str) -> float | None:
     """Distance of samples around a site's centre, along columns or rows, the shorter one [m]."""
     if (steps := ground_steps(raster)) is None:
         return None
-    source, step = _placed(raster, crs), 0.25 * max(steps)
-    away = np.array([0.0, step, 0.0]), np.array([0.0, 0.0, step])
-    changes = [index[1:] - index[0] for index in patch_pixels(source, crs, *away)]
-    most = max(float(np.hypot(*change)) for change in changes)
-    return step / most if np.isfinite(most) and most > 0.0 else max(steps)
+    most = max(PixelFrame.at(_placed(raster, crs), crs, 0.25 * max(steps)).extent(1.0))
+    return 1.0 / most if np.isfinite(most) and most > 0.0 else max(steps)
 
 
 def _placed(raster: Raster, crs: str) -> WideSource:

@@ -7,14 +7,14 @@ from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .alignment import rigid_motion as rigid_motion
 from .bench import RESULTS as RESULTS
-from .bench import chosen_systems as chosen_systems
 from .bench import evaluate_recording as evaluate_recording
 from .bench import run_stages as run_stages
-from .bench import system_lines as system_lines
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
 from .catalogue import known_systems as known_systems
 from .catalogue import with_binaries as with_binaries
+from .choosing import chosen_systems as chosen_systems
+from .choosing import system_lines as system_lines
 from .files import read_options as read_options
 from .files import score_files as score_files
 from .loops import Loops as Loops

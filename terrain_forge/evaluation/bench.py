@@ -37,19 +37,15 @@ from terrain_forge.datasets import (
 from terrain_forge.evaluation.adapter import Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
-    find_system,
     interpreter,
-    known_systems,
     require_distinct,
     require_ready,
     vocabulary_of,
-    with_binaries,
 )
 from terrain_forge.evaluation.kept import forget_runs, kept_results
 from terrain_forge.evaluation.loops import LoopScore, score_loops
 from terrain_forge.evaluation.needs import (
     frames_given,
-    require_frame,
     require_sensors,
     sensor_places,
 )
@@ -360,53 +356,3 @@ def _input(
 def _word(value: Any) -> str:
     """An option's value as a part of a folder's name."""
     return "+".join(value) if isinstance(value, tuple) else str(value)
-
-
-def chosen_systems(
-    names: str | None, dataset: Path | str, binaries: Sequence[str] = ()
-) -> list[Adapter]:
-    """The systems of some names, or all that are installed and find their sensors.
-
-    Args:
-        names: Names or files with commas between them.
-        dataset: The recording's folder, or the world's.
-        binaries: `NAME=PATH` of programs that the user has; these systems are run too.
-
-    Raises:
-        DataError: for an unknown name, a program that is not there, or if there is no recording.
-    """
-    for pair in binaries:
-        path = Path(pair.partition("=")[2])
-        if len(path.parts) > 1 and not path.expanduser().exists():
-            raise DataError(f"--binary {pair}: no such program")
-    if names is not None:
-        named = [find_system(name.strip()) for name in names.split(",")]
-        recording = open_recording(dataset)
-        for adapter in named:
-            require_frame(recording, adapter)
-        return with_binaries(named, binaries)
-    recording = open_recording(dataset)
-    found = []
-    for adapter in known_systems().values():
-        try:
-            require_sensors(recording, adapter)
-            require_ready(adapter)
-        except DataError:
-            continue
-        if not adapter.needs_binary:
-            found.append(adapter)
-    return with_binaries(found, binaries)
-
-
-def system_lines() -> list[str]:
-    """A line for each known system: whether it can be run, and what it is."""
-    lines = []
-    for name, adapter in known_systems().items():
-        try:
-            if not adapter.needs_binary:
-                require_ready(adapter)
-            state = "your binary" if adapter.needs_binary else "ready"
-        except DataError:
-            state = "not installed"
-        lines.append(f"{name:<18} {state:<14} {adapter.about}")
-    return lines

@@ -258,13 +258,10 @@ class Site(Record):
         return self.west, self.south, -self.west, -self.south
 
     @property
-    def piece(self) -> tuple[float, float]:
-        """East and north extent of what is made at once, a tile or all of the site, at most [m]."""
+    def tile_side(self) -> float:
+        """Side of its tiles, if it is made in tiles [m]."""
         tiles = self.recipe.tiles
-        if tiles is None:
-            return self.size
-        side = tiles.size_m or USUAL_CELLS * self.spacing
-        return min(side, self.size[0]), min(side, self.size[1])
+        return tiles.size_m if tiles and tiles.size_m else USUAL_CELLS * self.spacing
 
     @property
     def georeferenced(self) -> bool:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
 from terrain_forge.model import (
-    USUAL_CELLS,
     BuiltTile,
     Heightfield,
     RockField,
@@ -134,9 +133,7 @@ def require_pebbles(site: Site, *, smallest: float, within: float) -> None:
     if smallest == 0.0:
         return
     law, largest = _law(site, smallest, paths=bool(site.recipe.paths))
-    tiles = site.recipe.tiles
-    side = tiles.size_m if tiles and tiles.size_m else USUAL_CELLS * site.spacing
-    area = min(2.0 * within, side) * min(side, *site.size)
+    area = min(2.0 * within, site.tile_side) * min(site.tile_side, *site.size)
     density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
     _require_few(density * area, smallest, within)
 

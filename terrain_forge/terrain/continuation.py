@@ -102,8 +102,11 @@ def noise_at(
 ) -> Array:
     """The chosen octaves at nodes, higher where the ground around is rougher [m]."""
     east, north = nodes.axes(site)
-    # Around the nodes alone: a DTM may be far larger than the window.
-    posts = Pixels.under(site, nodes, 0).posts(site.dtm.heights.shape) if site.dtm else None
+    places = posts = None
+    if site.dtm is not None:
+        places = node_places(site, nodes)
+        # Around the nodes alone: a DTM may be far larger than the window.
+        posts = places.posts(site.dtm.heights.shape)
     found = noise(posts)
 
     def drawn(key: np.uint64, turn: Array | None, factor: float, share: Array | None) -> Array:
@@ -120,7 +123,7 @@ def noise_at(
             assert site.dtm is not None
             first, shape = (posts.rows.start, posts.columns.start), site.dtm.heights.shape
             local = np.ascontiguousarray(share, np.float64)
-            over_chunks(_scale, len(part), local, first, shape, node_places(site, nodes), part)
+            over_chunks(_scale, len(part), local, first, shape, places, part)
         return part
 
     if not found.grains:

@@ -206,7 +206,7 @@ def _require_large_tiles(site: Site, library: RockLibrary) -> None:
         "the reach of the ground's layers": stencil_reach(site, layers),
     }
     what, reach = max(reaches.items(), key=lambda item: item[1])
-    side = tile_cells(site.recipe) * site.spacing
+    side = site.tile_side
     if side < reach:
         raise RecipeError(
             f"tiles of {side:g} m are smaller than {what}, {reach:.3g} m: choose larger ones, or "

@@ -145,9 +145,7 @@ def _checks(
     found: list[Check] = []
     with _leaving(inspection, built.directory):
         try:
-            found.extend(
-                map(_judged, inspection.checks(built))
-            )  # what it gave before it fails stays
+            found.extend(map(_judged, inspection.checks(built)))  # what came before a fault stays
         except FOREIGN_FAILURES as error:
             found.append(_at_fault(inspection, "check", error))
     return found

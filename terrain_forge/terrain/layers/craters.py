@@ -201,10 +201,10 @@ def _check_range(spec: CraterLayer, site: Site, key: Key) -> None:
     assert population is not None
     smallest, largest = population.diameters
     if smallest < largest:
-        east, north = site.piece
+        tiled = site.recipe.tiles is not None
+        east, north = (min(site.tile_side, side) if tiled else side for side in site.size)
         number = expected_craters(population, (0.0, 0.0, east, north))
         if number > MAX_CRATERS:
-            tiled = site.recipe.tiles is not None
             what, remedy = ("a tile", "smaller tiles") if tiled else ("the site", "tiles")
             raise RecipeError(
                 f"{number:.3g} craters of {smallest:g} m and more would reach {what}, at most "

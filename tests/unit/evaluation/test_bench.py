@@ -25,8 +25,9 @@ from terrain_forge.evaluation import (
     install_system,
     known_systems,
     result_lines,
+    system_lines,
 )
-from terrain_forge.evaluation.bench import system_lines, truth_of
+from terrain_forge.evaluation.bench import truth_of
 from terrain_forge.evaluation.catalogue import read_system, with_binaries
 from terrain_forge.evaluation.needs import sensor_places
 from terrain_forge.evaluation.paper import paper_figure
