@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, pi
 from typing import Annotated, Literal
 
@@ -12,17 +13,14 @@ from annotated_types import Interval
 from numpy.typing import ArrayLike
 
 from terrain_forge.base import BY_KIND, Array, FileName, Idle, Pair, Positive, Spec, portable
-
-RIM_FALL = 0.7
-"""Distance [crater radii] over which the density of a crater's rocks falls to 1/e outside its rim.
-
-This and the next three: synthterrain (NASA Ames); no publication is known."""
-FARTHEST = 2.0
-"""Distance of a crater's farthest rocks from its centre [crater radii]."""
-INTERIOR = 0.05
-"""Density of rocks within a crater over that at its rim."""
-LIFETIME = 4.0
-"""Age of a crater that has no rocks left [10⁹ years]."""
+from terrain_forge.rocks.around_craters import (
+    FARTHEST,
+    INTERIOR,
+    LIFETIME,
+    RIM_FALL,
+    densities,
+    throwers,
+)
 
 _RIM_POINTS = 72
 
@@ -107,6 +105,28 @@ class AroundCraters(Spec):
     smallest_crater_m: Positive = 10.0
     """Diameter [m] of the layer's smallest craters that have rocks, since they dig deep enough."""
 
+    @cached_property
+    def table(self) -> Array:
+        """East, north, radius [m], strength, largest rock [m] of each crater, shape [craters, 5].
+
+        Craters are few in recipes that people write, but a layer may have a hundred thousand.
+        """
+        rows = [
+            (*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m) for c in self.craters
+        ]
+        return np.array(rows, np.float64).reshape(-1, 5)
+
+    @cached_property
+    def densest(self) -> float:
+        """The largest density on any rim over that of the law."""
+        angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+        x, y, radius = self.table[:, :3].T[:, :, None]
+        east = x + radius * (1.0 + 1e-9) * np.cos(angle)
+        north = y + radius * (1.0 + 1e-9) * np.sin(angle)
+        bounds = np.array([east.min(), north.min(), east.max(), north.max()])
+        rims = np.column_stack([east.ravel(), north.ravel()])
+        return float(densities(throwers([self.table], bounds), rims).max())
+
     def idle(self) -> Iterator[Idle]:
         """Which craters of a layer, where they are listed one by one."""
         if self.layer is None:
@@ -133,11 +153,5 @@ def crowding(arrangement: Arrangement) -> float:
         own = 1.0 / (4.0 * pi * arrangement.clusters_per_m2 * arrangement.radius_m**2)
         return float(1.0 + 2.0 * own + own**0.5)
     if isinstance(arrangement, AroundCraters) and arrangement.craters:
-        x, y = np.array([crater.centre_m for crater in arrangement.craters]).T[:, :, None]
-        radius = np.array([[0.5 * crater.diameter_m] for crater in arrangement.craters])
-        angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-        east = x + radius * (1.0 + 1e-9) * np.cos(angle)
-        north = y + radius * (1.0 + 1e-9) * np.sin(angle)
-        weights = [crater.weight(east, north) for crater in arrangement.craters]
-        return float(np.sum(weights, axis=0).max())
+        return arrangement.densest
     return 1.0

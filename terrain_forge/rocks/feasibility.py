@@ -10,7 +10,8 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError, Key, RecipeError, is_ours, portable, returning
 from terrain_forge.model import Table
-from terrain_forge.rocks.arrangement import FARTHEST, AroundCraters, crowding
+from terrain_forge.rocks.around_craters import FARTHEST
+from terrain_forge.rocks.arrangement import AroundCraters, crowding
 from terrain_forge.rocks.laws.law import SizeLaw
 from terrain_forge.rocks.library import LibrarySpec
 from terrain_forge.rocks.populations import (

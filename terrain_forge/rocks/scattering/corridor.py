@@ -205,7 +205,7 @@ def is_kept_free(strips, x, y, limit, reach):  # type: ignore[no-untyped-def]
 @kernel
 def _inside(strips, xy, reach):  # type: ignore[no-untyped-def]
     inside = np.zeros(len(xy), dtype=np.bool_)
-    for n in range(len(xy)):
+    for n in range(len(xy) if len(strips.half_width) else 0):
         limit = search_radius(strips, reach[n])
         inside[n] = is_kept_free(strips, xy[n, 0], xy[n, 1], limit, reach[n])
     return inside

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, RecipeError, inner, kernel, portable
 from terrain_forge.model import Heightfield, Site, Window
-from terrain_forge.rocks.arrangement import FARTHEST, INTERIOR, RIM_FALL, AroundCraters
+from terrain_forge.rocks.around_craters import (
+    FARTHEST,
+    INTERIOR,
+    Throwers,
+    density_around,
+    profile,
+    throwers,
+)
+from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.rocks.scattering.cells import Rectangle
 from terrain_forge.rocks.scattering.corridor import (
     corridors,
@@ -46,10 +54,8 @@ class Intensity(NamedTuple):
     """Rows and columns of a population's image, 0 for none, shape [populations, 2]."""
     around: NDArray[np.bool_]
     """Which populations lie around craters, shape [populations]."""
-    crater: Array
-    """East, north, radius [m], strength and largest diameter [m], shape [craters, 5]."""
-    crater_first: NDArray[np.int64]
-    """Where a population's craters begin, shape [populations + 1]."""
+    thrown: Throwers
+    """The craters that they lie around."""
     steepest: Array
     """Largest rise per metre for a population, infinite for no limit, shape [populations]."""
     steepness: Array
@@ -69,8 +75,8 @@ class Intensity(NamedTuple):
         """Diameter [m] that no rock of a population exceeds by its craters' sizes."""
         if not self.around[population]:
             return np.inf
-        own = slice(self.crater_first[population], self.crater_first[population + 1])
-        return float(self.crater[own, 4].max(initial=0.0))
+        own = slice(*self.thrown.first[population : population + 2])
+        return float(self.thrown.crater[own, 4].max(initial=0.0))
 
     def thins(self, population: int) -> bool:
         """Whether a population's weight is not 1 everywhere."""
@@ -86,21 +92,16 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
     """
     images = [_image(population, n, site) for n, population in enumerate(populations)]
     around = [isinstance(p.arrangement, AroundCraters) for p in populations]
-    craters = [getattr(p.arrangement, "craters", ()) for p in populations]
-    rows = [
-        (*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m)
-        for own in craters
-        for c in own
-    ]
+    tables = [getattr(p.arrangement, "table", np.zeros((0, 5))) for p in populations]
+    bounds = np.array(site.bounds)
     limits = [np.inf if p.max_slope_deg is None else p.max_slope_deg for p in populations]
     return Intensity(
-        bounds=np.array(site.bounds),
+        bounds=bounds,
         image=np.concatenate([np.zeros(0), *(image.ravel() for image in images)]),
         image_first=np.cumsum([0, *(image.size for image in images)])[:-1],
         image_shape=np.array([image.shape for image in images], np.int64).reshape(-1, 2),
         around=np.array(around, np.bool_),
-        crater=np.array(rows, np.float64).reshape(-1, 5),
-        crater_first=np.cumsum([0, *map(len, craters)]),
+        thrown=throwers(tables, bounds),
         steepest=np.array([portable.tan(np.radians(a)) if a < 90.0 else np.inf for a in limits]),
         steepness=np.zeros((0, 0, 2)),
         steepness_window=np.zeros(2, np.int64),
@@ -266,8 +267,9 @@ def crater_bounds(intensity, population, smallest, columns, rows):  # type: igno
     found = np.zeros((rows, columns))
     west, south, east, north = intensity.bounds
     width, depth = (east - west) / columns, (north - south) / rows
-    for c in range(intensity.crater_first[population], intensity.crater_first[population + 1]):
-        x, y, radius, strength, limit = intensity.crater[c]
+    thrown = intensity.thrown
+    for c in range(thrown.first[population], thrown.first[population + 1]):
+        x, y, radius, strength, limit = thrown.crater[c]
         if limit <= smallest:
             continue
         reach = FARTHEST * radius
@@ -283,7 +285,7 @@ def crater_bounds(intensity, population, smallest, columns, rows):  # type: igno
                 near = np.sqrt(dx0 * dx0 + dy0 * dy0) / radius * (1.0 - 1e-9)
                 far = np.sqrt(dx1 * dx1 + dy1 * dy1) / radius * (1.0 + 1e-9)
                 if near > 1.0:
-                    found[j, i] += strength * _profile(near)
+                    found[j, i] += strength * profile(near)
                 else:
                     found[j, i] += strength * (1.0 if far > 1.0 else INTERIOR)
     return found
@@ -300,31 +302,12 @@ def weight(intensity, population, x, y, diameter):  # type: ignore[no-untyped-de
     """Weight of one place for a rock of one population."""
     found = 1.0
     if intensity.around[population]:
-        found = _around_craters(intensity, population, x, y, diameter)
+        found = density_around(intensity.thrown, population, x, y, diameter)
     if found > 0.0 and intensity.image_shape[population, 0] > 0:
         found *= _pixel(intensity, population, x, y)
     if found > 0.0 and intensity.steepest[population] < np.inf:
         found *= _rise(intensity, x, y) <= intensity.steepest[population]
     return found
-
-
-@inner
-def _around_craters(intensity, population, x, y, diameter):  # type: ignore[no-untyped-def]
-    found = 0.0
-    for c in range(intensity.crater_first[population], intensity.crater_first[population + 1]):
-        if diameter <= intensity.crater[c, 4]:
-            dx, dy = x - intensity.crater[c, 0], y - intensity.crater[c, 1]
-            away = np.sqrt(dx * dx + dy * dy) / intensity.crater[c, 2]
-            found += intensity.crater[c, 3] * _profile(away)
-    return found
-
-
-@inner
-def _profile(away):  # type: ignore[no-untyped-def]
-    """Density of rocks at a distance in crater radii, over that at the rim."""
-    if away <= 1.0:
-        return INTERIOR
-    return np.exp((1.0 - away) / RIM_FALL) if away <= FARTHEST else 0.0
 
 
 @inner

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 from terrain_forge.base import Key, RecipeError
 from terrain_forge.model import Site
-from terrain_forge.rocks.arrangement import LIFETIME, AroundCraters, Crater
+from terrain_forge.rocks.around_craters import LIFETIME
+from terrain_forge.rocks.arrangement import AroundCraters, Crater
 from terrain_forge.rocks.populations import PopulationSpec
-from terrain_forge.terrain import CraterLayer, make_craters
+from terrain_forge.terrain import CraterLayer, make_craters, population_of
 
-MAX_CRATERS = 500
+MAX_CRATERS = 100_000
 """Craters that one population may lie around."""
 
 
@@ -41,12 +42,16 @@ def _craters_of(arrangement: AroundCraters, site: Site, key: Key) -> tuple[Crate
             f"no layer of craters is called {arrangement.layer!r}, there are: {known}",
             key=(*key, "layer"),
         )
-    found = make_craters(layers[arrangement.layer], site=site, area=site.bounds)
-    large = found.diameter >= arrangement.smallest_crater_m
+    layer, least = layers[arrangement.layer], arrangement.smallest_crater_m
+    drawn = population_of(layer, site=site)
+    if drawn is not None and drawn.diameters[0] < least < drawn.diameters[1]:
+        layer = replace(layer, diameter_m=(least, drawn.diameters[1]))  # smaller ones are many
+    found = make_craters(layer, site=site, area=site.bounds)
+    large = found.diameter >= least
     found = found.select(large & (found.wear < 1.0) & (found.age < LIFETIME))
     if not 0 < len(found) <= MAX_CRATERS:
         raise RecipeError(
-            f"{len(found)} craters of {arrangement.smallest_crater_m:g} m and more have rocks that "
+            f"{len(found)} craters of {least:g} m and more have rocks that "
             f"reach the site, allowed: 1 to {MAX_CRATERS}",
             key=(*key, "smallest_crater_m"),
         )

@@ -107,6 +107,33 @@ def test_overlapping_craters_add_and_cells_bound_them():
     assert abs(sum(counts) - 5 * mean) < norm.isf(0.0005) * (5 * mean) ** 0.5
 
 
+def test_a_place_asks_the_craters_that_reach_it():
+    """Hundreds, some as large as the site: as much as the sum over all, wherever the cells end."""
+    rng = np.random.default_rng(3)
+    size = 0.5 * rng.power(0.4, 400) ** -1.2
+    size[:3] = 90.0
+    where = rng.uniform((-40, -35), (40, 35), (400, 2))
+    craters = tuple(
+        Crater(centre_m=(x, y), diameter_m=min(d, 90.0))
+        for (x, y), d in zip(where.tolist(), size.tolist(), strict=True)
+    )
+    around = AroundCraters(craters=craters)
+    intensity = make_intensity((sand(), sand(arrangement=around)), site())
+    xy = np.concatenate([rng.uniform((-30, -25), (30, 25), (300, 2)), [(30, 25), (-30, -25)]])
+    found = weights(intensity, 1, xy, np.zeros(len(xy)))
+    assert np.ptp(found) > 1.0
+    np.testing.assert_allclose(found, sum(c.weight(*xy.T) for c in craters), rtol=1e-12)
+    turn = 2.0 * np.pi * np.arange(72) / 72
+    rims = [
+        np.add(
+            c.centre_m, 0.5 * c.diameter_m * (1 + 1e-9) * np.stack([np.cos(turn), np.sin(turn)], 1)
+        )
+        for c in craters
+    ]
+    most = max(float(sum(c.weight(*rim.T) for c in craters).max()) for rim in rims)
+    assert crowding(around) == pytest.approx(most, rel=1e-12)
+
+
 def test_expected_area_around_a_crater():
     """π R² (0.05 + 2 ∫ x exp((1 - x) / 0.7) dx from 1 to 2), half of it in half of the site."""
     crater = Crater(centre_m=(0.0, 1.0), diameter_m=20.0)

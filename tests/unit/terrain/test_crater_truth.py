@@ -20,6 +20,7 @@ from terrain_forge.report.section import Built
 from terrain_forge.report.sections.ground import Craters as CratersSection
 from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
 from terrain_forge.rocks.arrangement import AroundCraters
+from terrain_forge.rocks.scattering import layer_craters
 from terrain_forge.terrain import (
     BodyProduction,
     CraterLayer,
@@ -61,7 +62,7 @@ def test_rocks_lie_around_the_craters_of_a_layer():
     assert again.recipe_json == site.recipe_json
 
 
-def test_rocks_around_a_layer_that_cannot_be():
+def test_rocks_around_a_layer_that_cannot_be(monkeypatch):
     def planned(**more):
         blocks = PopulationSpec(
             name="blocks",
@@ -74,8 +75,9 @@ def test_rocks_around_a_layer_that_cannot_be():
 
     with pytest.raises(RecipeError, match="no layer of craters is called 'mine', there are: crat"):
         planned(layer="mine")
-    with pytest.raises(RecipeError, match=r"0 craters of 55 m and more .* allowed: 1 to 500"):
+    with pytest.raises(RecipeError, match=r"0 craters of 55 m and more .* allowed: 1 to 100000"):
         planned(layer="craters", smallest_crater_m=55.0)
+    monkeypatch.setattr(layer_craters, "MAX_CRATERS", 500)
     with pytest.raises(RecipeError, match=r"craters of 2 m and more .* allowed: 1 to 500"):
         planned(layer="craters", smallest_crater_m=2.0)
     with pytest.raises(ValueError, match="one of craters and layer"):
