@@ -25,6 +25,7 @@ from terrain_forge.terrain.horizon.colours import (
     tinted,
     tints_beyond,
 )
+from terrain_forge.terrain.horizon.crests import places_of
 from terrain_forge.terrain.horizon.places import heights_on
 from terrain_forge.terrain.horizon.rings import (
     Ring,
@@ -60,8 +61,9 @@ def shape_horizon(
     """
     border = tinted(site, border)
     rings = rings_around(border, _reach(site, border) if reach is None else reach)
-    heights, linear, weight = _values(site, border, layers, rings)
-    vertices = np.column_stack([np.concatenate([ring.points for ring in rings]), heights])
+    places = places_of(rings, border, partial(_over_middle, site, border))
+    heights, linear, weight = _values(site, border, layers, rings, places)
+    vertices = np.column_stack([np.concatenate(places), heights])
     if border.material() is not None:
         linear *= tints_beyond(
             rings,
@@ -120,6 +122,7 @@ def _values(
     border: Border,
     layers: tuple[Layer, ...],
     rings: list[Ring],
+    places: list[Array],
 ) -> tuple[Array, Array, Array]:
     """Height [m], linear colour of all nodes, and how far heights are followed there.
 
@@ -128,9 +131,8 @@ def _values(
     first, sides = len(rings[0].points), _sides(border)
     inward = min(_INWARD, 0.5 * (min(border.shape) - 1)) * border.spacing
     inner = ring_points(border, rings[0].parts, -inward)
-    points = np.concatenate([inner, *(ring.points for ring in rings)])
-    known, weight = far_heights(site, *points.T)
-    known -= site.datum_height + _plane(site, points)
+    points = np.concatenate([inner, *places])
+    known, weight = _known(site, points)
     height = border.heights().astype(np.float64)
     level = float(height.mean()) if site.dtm is None else _level(site, known, weight)
     going_on = [f for layer in layers if layer.mask is None and (f := layer.beyond(site))]
@@ -162,12 +164,30 @@ def _values(
         colour = state[:, 2:5] + fade * (mean - state[:, 2:5])
         states.append(np.column_stack([found, slope, colour]))
     whole = np.concatenate(states)
-    west, south, east, north = border.bounds
-    off = points - np.clip(points, (west, south), (east, north))
-    drop = (off * off).sum(axis=1) / (2.0 * site.body.mean_radius)
-    heights = whole[:, 0] + relief - drop
+    heights = whole[:, 0] + relief - _drop(site, border, points)
     heights[:first] = height
     return heights, whole[:, 2:], weight
+
+
+def _known(site: Site, points: Array) -> tuple[Array, Array]:
+    """Heights that were read [m] in the site's frame, not yet bent down, and how far they are."""
+    known, weight = far_heights(site, *points.T)
+    known -= site.datum_height + _plane(site, points)
+    return known, weight
+
+
+def _over_middle(site: Site, border: Border, points: Array) -> tuple[Array, Array]:
+    """Heights that were read over an eye on the site [m], bent down, and how far they are."""
+    known, weight = _known(site, points)
+    eye = 0.5 * (border.lowest + border.highest) + _EYE
+    return known - _drop(site, border, points) - eye, weight
+
+
+def _drop(site: Site, border: Border, points: Array) -> Array:
+    """How far the body has curved away at points [m]."""
+    west, south, east, north = border.bounds
+    off = points - np.clip(points, (west, south), (east, north))
+    return np.asarray((off * off).sum(axis=1) / (2.0 * site.body.mean_radius))
 
 
 def _height_anywhere(

@@ -45,23 +45,27 @@ def heights_on(
     along = np.choose(
         side, [x - west + away, y - south + away, far_east + away - x, far_north + away - y]
     ) / (np.choose(side % 2, [width, depth]) + 2.0 * away)
-    heights = np.empty(x.shape)
-    strip = np.clip(np.searchsorted(aways, away, side="right") - 1, 0, len(aways) - 2)
+    heights, missing = np.empty(x.shape), np.ones(x.shape, np.bool_)
+    own = np.clip(np.searchsorted(aways, away, side="right") - 1, 0, len(aways) - 2)
     starts = np.cumsum([0, *(len(ring.points) for ring in rings)])
-    for number in np.unique(strip).tolist():
-        pair = [(rings[n], int(starts[n])) for n in (number, number + 1)]
-        for edge in range(4):
-            chosen = (strip == number) & (side == edge)
-            if chosen.any():
-                places = np.column_stack([x[chosen], y[chosen]])
-                heights[chosen] = _on_strip(vertices, pair, edge, along[chosen], places)
+    for beside in (1, -1, 0):  # nodes lie up to half the way to the next ring from their own
+        strip = np.clip(own + beside, 0, len(aways) - 2)
+        for number in np.unique(strip[missing]).tolist():
+            pair = [(rings[n], int(starts[n])) for n in (number, number + 1)]
+            for edge in range(4):
+                chosen = missing & (strip == number) & (side == edge)
+                if chosen.any():
+                    places = np.column_stack([x[chosen], y[chosen]])
+                    found, inside = _on_strip(vertices, pair, edge, along[chosen], places)
+                    heights[chosen] = found
+                    missing[chosen] = ~inside
     return heights
 
 
 def _on_strip(
     vertices: Array, pair: list[tuple[Ring, int]], side: int, along: Array, places: Array
-) -> Array:
-    """Heights between a ring and the next, along one side."""
+) -> tuple[Array, Mask]:
+    """Heights between a ring and the next, along one side, and which places lie there."""
     fine, coarse = (ring.parts[side] for ring, _ in pair)
     i, j = (
         np.clip(np.searchsorted(t, along, side="right") - 1, 0, len(t) - 2) for t in (fine, coarse)
@@ -75,7 +79,7 @@ def _on_strip(
 
     near = _plane(vertices, (node(0, i), node(1, outward[i]), node(0, i + 1)), places)
     far = _plane(vertices, (node(1, j), node(1, j + 1), node(0, inward[j])), places)
-    return np.where(near[1], near[0], far[0])
+    return np.where(near[1], near[0], far[0]), near[1] | far[1]
 
 
 def _plane(

@@ -37,7 +37,13 @@ def land(x, y):
     return hills + 400.0 * np.exp(-(((x - 6000.0) / 2500.0) ** 2) - (y / 3000.0) ** 2) + 0.02 * x
 
 
-def raster(path: Path, *, posting: float, half: float, rise: float = 0.0) -> Path:
+def ridges(x, y):
+    """Walls a few hundred metres wide around the origin, as high as they are far [m]."""
+    away = np.hypot(x, y)
+    return 0.08 * away * np.maximum(0.0, np.cos(2 * np.pi * np.log(away / 300.0 + 1.0) * 3.3)) ** 4
+
+
+def raster(path: Path, *, posting: float, half: float, rise: float = 0.0, land=land) -> Path:
     """A GeoTIFF of `land` about the origin."""
     places = np.arange(-half + posting / 2, half, posting)
     heights = land(places[None, :], -places[:, None]) + rise
@@ -113,6 +119,36 @@ def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):
         assert here.sum() > 100
         assert wrong[here].max() < most
     assert 3500.0 < horizon.followed < 4020.0
+
+
+def test_the_skyline_is_that_of_the_model_where_its_ridges_fall_between_rings(tmp_path):
+    raster(tmp_path / "fine.tif", posting=8.0, half=4000.0, land=ridges)
+    site, ground, horizon = made(recipe(FINE), tmp_path)
+    turn, away = np.meshgrid(np.radians(np.arange(0.0, 360.0, 2.0)), np.geomspace(300, 3500, 1500))
+    points = np.stack([away * np.cos(turn), away * np.sin(turn)], axis=-1).reshape(-1, 2)
+    wanted = ridges(*points.T) - site.datum_height - drop(points, (50.0, 40.0))
+    eye = ground.elevation.mean() + 2.0
+    tops = [
+        np.degrees(np.arctan2(heights - eye, away.ravel())).reshape(away.shape).max(axis=0)
+        for heights in (heights_beyond(ground, horizon, *points.T), wanted)
+    ]
+    wrong = np.abs(tops[0] - tops[1])
+    assert tops[1].min() > 4.0
+    assert np.median(wrong) < 0.25
+    assert wrong.max() < 0.5
+
+
+def test_heights_under_points_are_those_of_the_triangles(tmp_path):
+    raster(tmp_path / "fine.tif", posting=8.0, half=4000.0, land=ridges)
+    _, ground, horizon = made(recipe(FINE), tmp_path)
+    corners = horizon.mesh.vertices[horizon.mesh.faces[: horizon.ground_faces]]
+    (a, b), c = np.diff(corners[..., :2], axis=1).transpose(1, 0, 2), corners[:, 0]
+    assert (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).min() > 0.0  # none lies on its head
+    share = np.random.default_rng(2).dirichlet((1.0, 1.0, 1.0), len(c))
+    points = np.einsum("nk,nkd->nd", share, corners)
+    np.testing.assert_allclose(
+        heights_beyond(ground, horizon, *points[:, :2].T), points[:, 2], atol=1e-6
+    )
 
 
 def test_no_cliff_where_the_model_ends(site_in_hills):
