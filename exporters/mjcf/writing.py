@@ -9,7 +9,7 @@ import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import light_levels, with_horizon_loss, write_rover_meshes
-from terrain_forge.model import ExportReport, Tile, Trajectory, World, world_friction
+from terrain_forge.model import ExportReport, Tile, Trajectory, Wheel, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
 from .ground import ground_elements, horizon_elements
@@ -28,6 +28,8 @@ _MEMORY, _MEMORY_PER_ROCK, _MEMORY_PER_CONTACT = 64 * 2**20, 64 * 2**10, 8 * 2**
 twice what the contacts of slabs that cover many cells did. Its own guess grows with the number of
 rocks squared."""
 _SITES = 400
+_CLEAR = 2e-3
+"""Between a rover's wheels and the ground where it starts [m]."""
 _RGBA = (1.0, 0.85, 0.1, 0.6)
 _COLUMNS = "time_s,x_m,y_m,z_m,qw,qx,qy,qz"
 
@@ -211,13 +213,21 @@ def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Ar
         position = np.array([x, y, float(ground.height_at(x, y))])
     quaternion = quaternion_from_rpy(rpy)
     if world.rover.wheels:
-        lowest = np.array([w.centre - (0.0, 0.0, w.radius) for w in world.rover.wheels])
-        turned = portable.product(lowest, matrix_from_quaternion(quaternion).T)
-        points = position + turned
+        treads = np.concatenate([_tread(wheel) for wheel in world.rover.wheels])
+        points = position + portable.product(treads, matrix_from_quaternion(quaternion).T)
         points = points[ground.covers(points[:, 0], points[:, 1])]
-        above = ground.height_at(points[:, 0], points[:, 1]) - points[:, 2]
+        above = ground.height_at(points[:, 0], points[:, 1]) - points[:, 2] + _CLEAR
         position[2] += float(above.max(initial=0.0))
     return position, quaternion
+
+
+def _tread(wheel: Wheel) -> Array:
+    """Points on the lower half of a wheel in base_link's frame [m], shape [points, 3]."""
+    angle, across = np.meshgrid(
+        np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33), np.linspace(-0.5, 0.5, 5)
+    )
+    around = [wheel.radius * np.sin(angle), wheel.width * across, -wheel.radius * np.cos(angle)]
+    return np.asarray(wheel.centre + np.stack(around, axis=-1).reshape(-1, 3))
 
 
 def _path_sites(trajectory: Trajectory) -> list[Lines]:

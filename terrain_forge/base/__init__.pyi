@@ -116,6 +116,7 @@ from .specs import Idle as Idle
 from .specs import InputFile as InputFile
 from .specs import NearPath as NearPath
 from .specs import NotNegative as NotNegative
+from .specs import Options as Options
 from .specs import Pair as Pair
 from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair

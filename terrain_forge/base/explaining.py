@@ -12,7 +12,8 @@ from terrain_forge.base.errors import hint_at
 if TYPE_CHECKING:
     from pydantic import TypeAdapter, ValidationError
 
-_UNION = ("tuple[", "dict[", "literal[", "function-")
+_SHAPES = ("tuple[", "dict[")
+_UNION = (*_SHAPES, "literal[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
 _LONGEST = 60
 """Characters of a value that are shown."""
@@ -81,12 +82,13 @@ def _meant(error: ValidationError) -> list[Any]:
     `exports` and `sensors` may be a list or a mapping; pydantic reports what is wrong with both.
     """
     errors = error.errors()
-    shapes = [e for e in errors if len(e["loc"]) > 1 and str(e["loc"][1]).startswith(_UNION)]
-    if not shapes:
-        return errors
-    key = shapes[0]["loc"][0]
-    inside = [e for e in errors if e["loc"][0] == key and len(e["loc"]) > 2]
-    return inside or [{**shapes[0], "type": "list_or_mapping"}]
+    for one in errors:
+        depth = next((n for n, step in enumerate(one["loc"]) if str(step).startswith(_SHAPES)), 0)
+        if depth:
+            key = one["loc"][:depth]
+            inside = [e for e in errors if e["loc"][:depth] == key and len(e["loc"]) > depth + 1]
+            return inside or [{**one, "type": "list_or_mapping"}]
+    return errors
 
 
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:

@@ -8,6 +8,7 @@ docs/recipe.md.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
@@ -86,6 +87,26 @@ def refused_name(name: str, taken: Collection[str], whole: str) -> str:
     return f"{name[:MAX_NAME]!r} cannot name a folder, choose another name: {allowed}"
 
 
+@dataclass(frozen=True)
+class _Finite:
+    """Marks what holds no NaN or infinity anywhere, whatever else it is."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import PydanticKnownError, core_schema
+
+        def refuse(value: Any) -> Any:
+            if isinstance(value, float) and not math.isfinite(value):
+                raise PydanticKnownError("finite_number")
+            if isinstance(value, dict | list | tuple):
+                for one in value.values() if isinstance(value, dict) else value:
+                    refuse(one)
+            return value
+
+        return core_schema.no_info_after_validator_function(refuse, handler(source))
+
+
+Options = dict[str, Annotated[Any, _Finite()]]
+"""Options of an exporter or a format, which alone knows their types."""
 FileName = Annotated[str, MinLen(1), Len(1, MAX_NAME), Predicate(is_file_name)]
 """A name that may become a file's or a folder's: no separator, no leading dot."""
 
@@ -247,8 +268,9 @@ def _read_anew(spec: Any) -> Any:
             kind: Any = type(spec)
             adapter = type_adapter(kind)
             # What is wrong is told by reading it back, not by warnings of the writer.
-            plain = adapter.dump_python(spec, mode="json", warnings=False, fallback=_plain)
-            text = json.dumps(plain, ensure_ascii=False).encode()
+            # JSON's own mode would make nothing of NaN where anything is allowed.
+            plain = adapter.dump_python(spec, warnings=False)
+            text = json.dumps(plain, ensure_ascii=False, default=_plain).encode()
             return adapter.validate_json(text, strict=True)
     except PydanticUserError:  # of a class within a function, whose names only that knows
         return spec

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from terrain_forge.base import FileName, Idle, NotNegative, Positive, Spec
+from terrain_forge.base import FileName, Idle, NotNegative, Options, Positive, Spec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class DatasetSpec(Spec):
     gravity_m_s2: Literal["body"] | Annotated[float, Interval(ge=0, le=1000)] = "body"
     """What accelerometers feel at rest [m/s²]: the body's own gravity, or a number, since several
     systems know of 9.81 alone."""
-    formats: tuple[FileName, ...] | dict[FileName, dict[str, Any]] = ("euroc",)
+    formats: tuple[FileName, ...] | dict[FileName, Options] = ("euroc",)
     """Formats of the dataset: a list, or a mapping from their names to their options; `euroc`, of
     which the others are made, is always among them."""
     profile: Literal["full", "quick"] = "full"

@@ -16,6 +16,7 @@ from terrain_forge.base import (
     DataError,
     FileName,
     Fraction,
+    Options,
     Positive,
     RecipeError,
     Spec,
@@ -165,7 +166,7 @@ class Recipe(Spec):
     `kind: file` brings your own URDF or MJCF."""
     sensors: SensorsChoice | None = None
     """What the rover carries: a list takes the place of its own rig, `add: […]` adds to it."""
-    exports: Annotated[tuple[FileName, ...], MinLen(0)] | dict[FileName, dict[str, Any]] = (
+    exports: Annotated[tuple[FileName, ...], MinLen(0)] | dict[FileName, Options] = (
         "sdf",
         "mjcf",
         "usd",

@@ -135,6 +135,12 @@ def test_shipped_recipes_are_sound(recipe):
         ("seed: 42", "seed: 4.2", ["seed", "found 4.2"]),
         ("seed: 42", "seed: 42\ndataset: {gravity_m_s2: .nan}",
          ["gravity_m_s2: must be 'body' or a finite number, found NaN"]),
+        ("seed: 42", "seed: 42\ndataset: {formats: {kitti: {scans: [1, .inf]}}}",
+         ["dataset.formats.kitti.scans: must be a finite number"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {sdf: {friction: .nan}}",
+         ["exports.sdf.friction: must be a finite number, found NaN"]),
+        ("exports: [sdf, mjcf, usd]", "exports: {world: {kind: mjcf, friction: -.inf}}",
+         ["exports.world.friction: must be a finite number, found -Infinity"]),
     ],
 )  # fmt: skip
 def test_one_line_with_file_line_and_key(tmp_path, old, new, words):
@@ -243,3 +249,10 @@ def test_a_recipe_that_cannot_be_written_leaves_the_file_as_it_was(tmp_path):
     with pytest.raises(RecipeError, match="surrogates"):
         save_recipe(replace(load_recipe(path).recipe, name="\ud800"), path)
     assert path.read_text(encoding="utf-8") == before
+
+
+def test_options_made_in_python_are_as_finite_as_those_of_a_file():
+    nowhere = {"sdf": {"friction": float("nan")}}
+    recipe = replace(load_recipe(ROOT / "recipes" / "hello.yaml").recipe, exports=nowhere)
+    with pytest.raises(RecipeError, match=r"exports\.sdf\.friction: must be a finite number"):
+        recipe.sound()
