@@ -15,7 +15,6 @@ from PIL import Image
 from terrain_forge.making import plan
 from terrain_forge.model import Heightfield, World
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import load_recipe
 from terrain_forge.scene import render_preview
 
 HERE = Path(__file__).parent
@@ -35,8 +34,7 @@ def main() -> None:
     parser.add_argument("name", nargs="*", help="sites to draw; all without")
     wanted = parser.parse_args().name or sorted(p.stem for p in GALLERY.glob("*.yaml"))
     for name in wanted:
-        file = load_recipe(GALLERY / f"{name}.yaml")
-        world = realise(plan(file.recipe, folder=file.folder))
+        world = realise(plan(GALLERY / f"{name}.yaml"))
         for kind, picture in pictures(world).items():
             save(picture, GALLERY / f"{name}_{kind}.png")
 

@@ -14,7 +14,6 @@ from PIL import Image
 from terrain_forge.making import plan
 from terrain_forge.model import Heightfield
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import load_recipe
 from terrain_forge.scene import render_preview
 
 HERE = Path(__file__).parent
@@ -31,8 +30,7 @@ def main() -> None:
 
 
 def _site(path: Path) -> NDArray[np.uint8]:
-    file = load_recipe(path)
-    world = realise(plan(file.recipe, folder=file.folder))
+    world = realise(plan(path))
     view = render_preview(world, width=2 * SIDE, height=SIDE)
     maps = [_square(_hillshade(world.ground)), _square(_slope(world.ground))]
     return np.concatenate([view, *maps], axis=1)

@@ -13,7 +13,7 @@ from terrain_forge.building import write_export
 from terrain_forge.making import plan
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import ExportOrder, load_recipe
+from terrain_forge.recipe import ExportOrder
 from terrain_forge.validation import probe
 from terrain_forge.validation.suite import conformance, quick_checks
 
@@ -73,8 +73,7 @@ exports: []
 def test_close_meshes_of_rocks_may_be_off_by_what_they_are(kind, tmp_path):
     path = tmp_path / "near.yaml"
     path.write_text(FLAT)
-    file = load_recipe(path)
-    world = realise(plan(file.recipe, folder=tmp_path))
+    world = realise(plan(path))
     module = exporter(kind)
     options = module.Options(close_within_m=6.0)
     order = ExportOrder(folder=kind, kind=kind, exporter=module, options=options)

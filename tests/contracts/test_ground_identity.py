@@ -13,7 +13,6 @@ from rasterio.transform import Affine
 
 from terrain_forge.making import plan
 from terrain_forge.model import Window
-from terrain_forge.recipe import load_recipe
 from terrain_forge.terrain import colour_ground, shape_ground, stencil_reach
 
 RECIPE = """
@@ -63,8 +62,7 @@ def site(tmp_path_factory):
     rows = ["x_m,y_m,diameter_m,age_ga", "3,-2,9,0", "-12,5,6,0.01", "26,0,8,0"]
     (folder / "craters.csv").write_text("\n".join(rows) + "\n")
     (folder / "everything.yaml").write_text(RECIPE)
-    file = load_recipe(folder / "everything.yaml")
-    return plan(file.recipe, folder=file.folder)
+    return plan(folder / "everything.yaml")
 
 
 def shape(site, window):

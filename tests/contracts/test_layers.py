@@ -8,7 +8,7 @@ from PIL import Image
 
 from terrain_forge.making import plan
 from terrain_forge.model import Window
-from terrain_forge.recipe import load_recipe, recipe_from_json, recipe_json
+from terrain_forge.recipe import recipe_from_json, recipe_json
 from terrain_forge.terrain import layer_types, mask_weight, shape_ground, stencil_reach
 
 EXAMPLES = {
@@ -49,8 +49,7 @@ def site(request, tmp_path_factory):
     first = f"kind: {request.param}" + (f", {example}" if example else "")
     second = f"{name}{first}, mask: {{image: mask.png}}"
     (folder / "one.yaml").write_text(RECIPE.format(first=first, second=second))
-    file = load_recipe(folder / "one.yaml")
-    return plan(file.recipe, folder=folder)
+    return plan(folder / "one.yaml")
 
 
 def relief(site, layer, window=None):

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from terrain_forge.making import plan
 from terrain_forge.model import exporter, exporter_names
 from terrain_forge.pipeline import realise
-from terrain_forge.recipe import load_recipe
 from tests.helpers import plain_worlds, worlds
 from tests.helpers.places import ROOT
 from tests.helpers.surfaces import random_points
@@ -64,8 +63,7 @@ def module_of(kind):
 def world(request):
     """120 rocks made by hand, or all of a recipe, every fourth of them dynamic."""
     if request.param == "hello":
-        file = load_recipe(ROOT / "recipes/hello.yaml")
-        made = realise(plan(file.recipe, folder=file.folder))
+        made = realise(plan(ROOT / "recipes/hello.yaml"))
     else:
         made = worlds.world(rocks=120)
     dynamic = np.arange(len(made.field)) % 4 == 0

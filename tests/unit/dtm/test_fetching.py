@@ -99,8 +99,7 @@ def test_every_place_is_shown_by_a_product_of_its_body():
 def test_a_place_is_fetched_once_and_cited(web, tmp_path, caplog):
     web.put(PATH, DTM)
     (tmp_path / "gale.yaml").write_text(RECIPE)
-    file = tf.load_recipe(tmp_path / "gale.yaml")
-    site = tf.plan(file.recipe, folder=file.folder)
+    site = tf.plan(tmp_path / "gale.yaml")
     assert "362 kB from 127.0.0.1; public domain" in caplog.text
     assert np.degrees(site.lonlat) == pytest.approx(GALE.lonlat_deg)
     manifest = json.loads(write_manifest(site, tmp_path, exports=(), altered={}).read_text())

@@ -30,8 +30,7 @@ def world(tmp_path_factory) -> tf.World:
     folder = tmp_path_factory.mktemp("day")
     write_raster(folder, rough((80, 90)))
     (folder / "day.yaml").write_text(RECIPE)
-    file = tf.load_recipe(folder / "day.yaml")
-    return tf.realise(tf.plan(file.recipe, folder=file.folder))
+    return tf.realise(tf.plan(folder / "day.yaml"))
 
 
 def test_it_has_a_frame_for_each_moment_of_day(world, tmp_path):

@@ -56,8 +56,7 @@ def line_of(path, text):
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe", sorted((ROOT / "recipes").glob("*.yaml")), ids=lambda p: p.stem)
 def test_rocks_of_shipped_recipes_can_be_packed(recipe):
-    file = load_recipe(recipe)
-    plan(file.recipe, folder=file.folder)
+    plan(recipe)
 
 
 @pytest.mark.parametrize(

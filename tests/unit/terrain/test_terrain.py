@@ -144,8 +144,7 @@ def test_spectrum_of_a_grid_too_small_for_one_is_empty():
 
 @pytest.mark.parametrize("path", sorted(GALLERY.glob("*.yaml")), ids=lambda path: path.stem)
 def test_sites_of_the_gallery_can_be_made_and_are_drawn(path):
-    file = load_recipe(path)
-    site = plan(file.recipe, folder=file.folder)
+    site = plan(path)
     part = Window(column=100, row=100, columns=60, rows=60)
     ground = shape_ground(site=site, window=part, layers=site.recipe.terrain.layers)
     assert np.ptp(ground.elevation) > 0.02
