@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
 from terrain_forge.base import Stopwatch, silent
 from terrain_forge.making.horizon import make_horizon
 from terrain_forge.making.lighting import light_of
@@ -56,8 +54,7 @@ def make_world(
     Routes of planned paths are given where they were found on all of the site.
     """
     land = _lay_land(site, window, progress)
-    library, scattered, around = land.library, land.scattered, land.around
-    row, column = window.row - around.row, window.column - around.column
+    library, scattered = land.library, land.scattered
     ground = land.part(window)
     rocks = place_rocks(
         scattered.select(reaching(scattered, site=site, library=library, window=window)),
@@ -71,8 +68,7 @@ def make_world(
     own = owned(rocks, ground, site.bounds)
     laid = None
     if land.banked:
-        own_nodes = np.s_[row : row + window.rows + 1, column : column + window.columns + 1]
-        laid = land.banked.raised[own_nodes], drifted_soil(site)
+        laid = land.banked.raised[window.nodes_in(land.around)], drifted_soil(site)
     appearance = paint(site, window, land.bare, laid=laid)
     progress("paths", 0.0)
     rover = rover_of(site)
@@ -113,11 +109,9 @@ class _Land(NamedTuple):
 
     def part(self, window: Window) -> Heightfield:
         """The ground of the window alone."""
+        rows, columns = window.nodes_in(self.around)
         return self.ground.cut(
-            column=window.column - self.around.column,
-            row=window.row - self.around.row,
-            columns=window.columns,
-            rows=window.rows,
+            column=columns.start, row=rows.start, columns=window.columns, rows=window.rows
         )
 
 

@@ -54,6 +54,12 @@ class Window(Record):
         for row in range(0, self.rows, most):
             yield self.replace(row=self.row + row, rows=min(most, self.rows - row))
 
+    @checked
+    def nodes_in(self, around: Window) -> tuple[slice, slice]:
+        """Rows and columns of its nodes among those of a window that holds it."""
+        row, column = self.row - around.row, self.column - around.column
+        return slice(row, row + self.rows + 1), slice(column, column + self.columns + 1)
+
 
 F = TypeVar("F", Image, Table)
 HIGHEST_EXPONENT = 0.95

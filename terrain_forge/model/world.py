@@ -118,15 +118,19 @@ class World(Record):
 
         Tiles share their border nodes; a rock belongs to the tile of its centre.
         """
-        columns = range(0, self.window.columns, cells)
-        rows = range(0, self.window.rows, cells)
+        whole = self.window
+        columns, rows = range(0, whole.columns, cells), range(0, whole.rows, cells)
         if len(columns) * len(rows) == 1:
             yield Tile(number=0, world=self, whole=self)
             return
         for number, (row, column) in enumerate(product(rows, columns)):
-            east, north = self.window.columns - column, self.window.rows - row
-            part = self._cut(column, row, min(cells, east), min(cells, north))
-            yield Tile(number=number, world=part, whole=self)
+            window = Window(
+                column=whole.column + column,
+                row=whole.row + row,
+                columns=min(cells, whole.columns - column),
+                rows=min(cells, whole.rows - row),
+            )
+            yield self.tile(window, number=number)
 
     def alone(self) -> World:
         """The world without the rocks that only reach into it, which no export has."""
@@ -138,29 +142,22 @@ class World(Record):
     @checked
     def tile(self, window: Window, *, number: int) -> Tile:
         """The tile of a window of the site that lies in this world."""
-        column, row = window.column - self.window.column, window.row - self.window.row
-        part = self._cut(column, row, window.columns, window.rows)
-        return Tile(number=number, world=part, whole=self)
-
-    def _cut(self, column: int, row: int, columns: int, rows: int) -> World:
-        ground = self.ground.cut(column=column, row=row, columns=columns, rows=rows)
+        rows, columns = window.nodes_in(self.window)
+        ground = self.ground.cut(
+            column=columns.start, row=rows.start, columns=window.columns, rows=window.rows
+        )
         everyone = merge(self.field, self.neighbours)
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
-        nodes = np.s_[row : row + rows + 1, column : column + columns + 1]
-        return self.replace(
-            window=Window(
-                column=self.window.column + column,
-                row=self.window.row + row,
-                columns=columns,
-                rows=rows,
-            ),
+        part = self.replace(
+            window=window,
             ground=ground,
-            appearance=self.appearance.cut(nodes),
+            appearance=self.appearance.cut((rows, columns)),
             field=everyone.select(own),
             neighbours=everyone.select(near),
             horizon=None,
         )
+        return Tile(number=number, world=part, whole=self)
 
     @checked
     def save(self, directory: Path) -> list[Path]:

@@ -121,6 +121,7 @@ def colour_ground(
     """
     rgb = np.empty((window.rows + 1, window.columns + 1, 3), np.uint8)
     key = stage_key(site.seed, "appearance")
+    column, row = site.first_node(ground)
     for strip in window.strips(STRIP):
         east, north = site.axes(strip)
         first = strip.row - window.row
@@ -132,7 +133,8 @@ def colour_ground(
             _paint,
             len(north),
             ground.elevation,
-            *_first_node(site, strip, ground),
+            strip.column - column,
+            strip.row - row,
             stencil_cells(_STENCIL_M, site.spacing),
             site.spacing,
             octaves(key, east=east, north=north, wavelengths=_WAVELENGTHS, amplitudes=_AMPLITUDES),
@@ -214,12 +216,6 @@ def _soil(site: Site, spec: AppearanceSpec) -> Soil:
     return Soil(name="", rgb=spec.ground_rgb or site.body.ground_rgb)
 
 
-def _first_node(site: Site, window: Window, ground: Heightfield) -> tuple[int, int]:
-    """Column and row of the ground that lie under the window's first node."""
-    column, row = site.first_node(ground)
-    return window.column - column, window.row - row
-
-
 def _base(
     site: Site,
     window: Window,
@@ -256,13 +252,9 @@ def _brightness(
                 raise ValueError("found numbers that are negative or not finite")
         if layer.mask is not None:
             around = site.padded(window, layer.mask.reach(site))
-            column, row = _first_node(site, around, ground)
-            nodes = np.s_[row : row + around.rows + 1, column : column + around.columns + 1]
-            heights = ground.elevation[nodes].astype(np.float64)
+            heights = of_window(ground, site, around)
             weight = mask_weight(layer.mask, site=site, window=around, elevation=heights)
-            south, west = window.row - around.row, window.column - around.column
-            own = weight[south : south + window.rows + 1, west : west + window.columns + 1]
-            factor = 1.0 + own * (factor - 1.0)
+            factor = 1.0 + weight[window.nodes_in(around)] * (factor - 1.0)
         product = product * factor
     return product
 

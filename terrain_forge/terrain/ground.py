@@ -43,8 +43,7 @@ def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.
         with returning(layer, what, "a finite height [m] for each node, shape [rows, columns]"):
             elevation += layer.masked_relief(site=site, window=around, elevation=seen)
             _require_finite(elevation, f"terrain.layers[{number}] ({type(layer).__name__})")
-    south, west = window.row - around.row, window.column - around.column
-    return elevation[south : south + window.rows + 1, west : west + window.columns + 1]
+    return elevation[window.nodes_in(around)]
 
 
 def _require_finite(elevation: NDArray[np.float64], made_by: str) -> None:

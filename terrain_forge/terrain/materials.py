@@ -199,8 +199,7 @@ def classify_ground(
     """
     found = np.zeros((window.rows + 1, window.columns + 1), np.uint8)
     east, north = site.axes(window)
-    south, west = window.row - around.row, window.column - around.column
-    own = np.s_[south : south + window.rows + 1, west : west + window.columns + 1]
+    own = window.nodes_in(around)
     for number, spec in enumerate(specs, 1):
         share = np.full(found.shape, spec.cover)
         if spec.mask is not None:

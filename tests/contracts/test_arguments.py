@@ -30,7 +30,8 @@ def valid(small_world, tmp_path, monkeypatch):
     poses = tf.TimedPoses(time=path.time, position=path.position, quaternion=path.quaternion)
     return {
         **{"world": world, "site": world.site, "ground": world.ground, "library": world.library},
-        **{"rocks": world.field, "rover": world.rover, "window": world.site.window},
+        **{"rocks": world.field, "rover": world.rover},
+        **dict.fromkeys(("window", "around"), world.site.window),
         **dict.fromkeys(("recipe", "path"), "missing.yaml"),
         **dict.fromkeys(("out", "folder", "directory", "recording"), tmp_path / "missing"),
         **dict.fromkeys(("truth", "estimate"), poses),

@@ -77,9 +77,7 @@ def shape(site, window):
         spec=site.recipe.terrain.appearance,
         layers=layers,
     )
-    row, column = window.row - around.row, window.column - around.column
-    cut = np.s_[row : row + window.rows + 1, column : column + window.columns + 1]
-    return ground.elevation[cut], colours
+    return ground.elevation[window.nodes_in(around)], colours
 
 
 def test_every_layer_shows(site):
@@ -105,9 +103,7 @@ def test_any_window_is_the_cut(site):
             columns=columns,
             rows=rows,
         )
-        part = np.s_[
-            window.row : window.row + rows + 1, window.column : window.column + columns + 1
-        ]
+        part = window.nodes_in(whole)
         heights, rgb = shape(site, window)
         assert heights.tobytes() == elevation[part].tobytes()
         assert rgb.tobytes() == colours[part].tobytes()

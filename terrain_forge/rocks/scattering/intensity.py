@@ -128,8 +128,7 @@ def with_slopes(
     )
     elevation = land.elevation.astype(np.float64)
     north, east = (np.gradient(elevation, site.spacing, axis=axis) for axis in (0, 1))
-    row, column = inside.row - around.row, inside.column - around.column
-    nodes = np.s_[row : row + inside.rows + 1, column : column + inside.columns + 1]
+    nodes = inside.nodes_in(around)
     steepest = np.hypot(east[nodes], north[nodes])
     for _ in range(2):  # of each cell's four nodes
         steepest = np.maximum(steepest[1:], steepest[:-1]).T

@@ -299,9 +299,7 @@ def test_ground_colour_is_the_same_in_every_window(small_world):
             column=padded.column, row=padded.row, columns=padded.columns, rows=padded.rows
         )
         colour = colour_ground(site=site, window=window, ground=part, spec=AppearanceSpec())
-        np.testing.assert_array_equal(
-            colour, whole[row : row + rows + 1, column : column + columns + 1]
-        )
+        np.testing.assert_array_equal(colour, whole[window.nodes_in(site.window)])
 
 
 def test_ground_colour_is_the_wanted_one_and_varies_as_told(small_world):
