@@ -144,8 +144,7 @@ def test_fixed_rocks_are_where_they_are(small_world, drake, kind):
 
 
 def test_a_bare_world(small_world, tmp_path):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    directory = exported(small_world.replace(field=nothing), tmp_path / "drake")
+    directory = exported(worlds.bare(small_world), tmp_path / "drake")
     assert list(models(directory)) == ["ground"]
 
 

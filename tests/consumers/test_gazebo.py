@@ -81,8 +81,7 @@ def rest(build, directory, x, y, height):
 @pytest.mark.consumer
 @pytest.mark.parametrize(("x", "y"), [(6.3, -3.4), (-9.13, 5.77), (9.02, 6.01)])
 def test_a_ball_rests_on_a_heightmap_in_gazebos_physics(small_world, tmp_path, build, x, y):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    world = small_world.replace(field=nothing)
+    world = worlds.bare(small_world)
     directory = exported(world, tmp_path / "sdf", ground="heightmap", heightmap_bits=8)
     wanted = resting_height(world.ground, x, y, 0.2)
     heightmap = make_heightmap(world.ground, bits=8)

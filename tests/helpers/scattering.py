@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.model import Heightfield, Image, Table
+from terrain_forge.model import Image, Table
 from terrain_forge.rocks import Clustered, PopulationSpec, PowerLaw, scatter
 from tests.helpers import worlds
 
@@ -43,9 +43,7 @@ def image(values, path="map.png"):
 
 def rough(place):
     """Ground with slopes of 0 to 45° and more [m]."""
-    east, north = place.axes(place.window)
-    hills = np.sin(east[None, :] / 3) + np.cos(north[:, None] / 2.5)
-    return Heightfield(elevation=hills, spacing=place.spacing, origin=(east[0], north[0]))
+    return worlds.shaped(place, lambda x, y: np.sin(x / 3) + np.cos(y / 2.5))
 
 
 def listed(values, columns=("x_m", "y_m", "diameter_m")):

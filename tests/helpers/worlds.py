@@ -13,6 +13,7 @@ from terrain_forge.making import make_horizon
 from terrain_forge.model import (
     MARS,
     Appearance,
+    DtmPatch,
     GroundMaterial,
     Heightfield,
     Lighting,
@@ -65,14 +66,24 @@ def site() -> Site:
     )
 
 
+def shaped(place: Site, height: Any, window: Window | None = None) -> Heightfield:
+    """The ground of a window of a site, all of it by default, of z = height(east, north) [m]."""
+    east, north = place.axes(window or place.window)
+    z = np.broadcast_to(height(east[None, :], north[:, None]), (len(north), len(east)))
+    origin = (float(east[0]), float(north[0]))
+    return Heightfield(elevation=z, spacing=place.spacing, origin=origin)
+
+
 @cache
 def ground() -> Heightfield:
     """The hill on the site's lattice."""
-    east, north = site().axes(site().window)
-    return Heightfield(
-        elevation=hill(east[None, :], north[:, None]),
-        spacing=SPACING,
-        origin=(float(east[0]), float(north[0])),
+    return shaped(site(), hill)
+
+
+def patch(heights: Any, to_pixel: tuple[float, ...], posting: float = 1.0) -> DtmPatch:
+    """A DTM that was read, whose posts lie so many metres apart."""
+    return DtmPatch(
+        heights=heights, to_pixel=to_pixel, crs="", wrap=(0.0, 0.0), posting=posting, filled=0
     )
 
 
@@ -220,6 +231,11 @@ def of_materials(world: World, material, frictions) -> World:
     ]  # fmt: skip
     looks = world.appearance.replace(materials=tuple(known), material=material.astype(np.uint8))
     return world.replace(appearance=looks)
+
+
+def bare(world: World, **more: Any) -> World:
+    """A world without rocks, with what else is changed."""
+    return world.replace(field=world.field.select(np.arange(0)), **more)
 
 
 def loosened(world: World) -> World:

@@ -15,7 +15,7 @@ from terrain_forge.base import ExportError
 from terrain_forge.rocks import LibrarySpec, make_library
 from tests.consumers.test_drake import ask
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
-from tests.helpers.worlds import crowded
+from tests.helpers.worlds import bare, crowded
 
 
 def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
@@ -117,8 +117,7 @@ def test_dynamic_rocks_are_hard_and_damped_and_their_loss_is_told(small_world, t
 @pytest.mark.consumer
 def test_a_foreign_rover_stands_on_drakes_ground(small_world, tmp_path):
     """Its wheels are round and say nothing of contact, as in a file written for Gazebo."""
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    world = small_world.replace(field=nothing)
+    world = bare(small_world)
     (tmp_path / "drake").mkdir()
     export(world, tmp_path / "drake", options=Options(tile_cells=48))
     east, north = 0.0, 4.0

@@ -11,6 +11,7 @@ from terrain_forge.exporters.glb.rocks import node_texts
 from terrain_forge.base import ExportError, linear_from_srgb
 from terrain_forge.geometry import rock_maps, rock_texture, skin
 from terrain_forge.scene import rock_tints, tint_colours
+from tests.helpers import worlds
 from tests.helpers.ground_pictures import (
     PIXELS,
     detailed,
@@ -199,9 +200,7 @@ def test_names_survive(small_world, tmp_path):
 
 
 def test_a_bare_world_without_paths(small_world, tmp_path):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    world = small_world.replace(field=nothing, trajectories=())
-    text, _ = glb_parts(exported(world, tmp_path / "glb"))
+    text, _ = glb_parts(exported(worlds.bare(small_world, trajectories=()), tmp_path / "glb"))
     assert "animations" not in text
     assert [node["name"] for node in text["nodes"]] == [
         *("by-hand", "sun", "sun_for_blender", "ground_000")

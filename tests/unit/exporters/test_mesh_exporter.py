@@ -12,7 +12,7 @@ from terrain_forge.geometry import lie_upright, skin
 from terrain_forge.model import rotations
 from terrain_forge.validation import read_objects, read_triangles
 from terrain_forge.writers import vertex_normals
-from tests.helpers import exports
+from tests.helpers import exports, worlds
 from tests.helpers.ground_pictures import FINER, PIXELS, nodes, shows_its_nodes, speckled
 from tests.helpers.surfaces import random_points, top_under
 
@@ -148,8 +148,7 @@ def test_bands_do_not_show(small_world, tmp_path, monkeypatch, form):
 
 @pytest.mark.parametrize("form", ["obj", "stl", "ply"])
 def test_a_bare_world(small_world, tmp_path, form):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    directory = exported(small_world.replace(field=nothing), tmp_path / "mesh", format=form)
+    directory = exported(worlds.bare(small_world), tmp_path / "mesh", format=form)
     assert sum(len(faces) for _, _, faces in objects(directory / f"world.{form}")) == 2 * 96 * 64
 
 
@@ -193,9 +192,10 @@ def test_losses_speak_of_what_is_in_the_file(small_world, tmp_path):
     assert "The 40 rocks are left out." in said["none"]
     assert "40 rocks are merged" in said["merged"]
     assert "merged" not in said["objects"] + said["none"]
-    bare = world.replace(field=field.select(row < 0))
     (tmp_path / "bare").mkdir()
-    assert "rock" not in " ".join(export(bare, tmp_path / "bare", options=Options()).losses)
+    assert "rock" not in " ".join(
+        export(worlds.bare(world), tmp_path / "bare", options=Options()).losses
+    )
 
 
 def test_a_ground_too_large_for_one_mesh(small_world, tmp_path, monkeypatch):

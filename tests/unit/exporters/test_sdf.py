@@ -118,9 +118,7 @@ def test_all_rocks_merged_or_none(small_world, tmp_path):
 
 
 def test_a_world_without_rocks_and_paths(small_world, tmp_path):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    world = small_world.replace(field=nothing, trajectories=())
-    directory = exported(world, tmp_path / "sdf")
+    directory = exported(worlds.bare(small_world, trajectories=()), tmp_path / "sdf")
     assert (directory / "scene.sdf").read_bytes() == (directory / "world.sdf").read_bytes()
     assert len(list(models(directory)["by-hand_rocks"].iter("collision"))) == 0
 

@@ -14,13 +14,10 @@ from terrain_forge.base import ExportError
 from terrain_forge.validation import NotRun
 from terrain_forge.validation.measures import Entry, measure
 from terrain_forge.validation.sample import draw_sample
+from tests.helpers import worlds
 from tests.helpers.gazebo import rested
 from tests.helpers.rovers import morpheus
 from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
-
-
-def bare(world):
-    return world.replace(field=world.field.select(np.zeros(len(world.field), bool)))
 
 
 def collision(directory):
@@ -94,7 +91,7 @@ def test_heightmaps_conform(small_world, tmp_path, options, balls):
 )
 def test_a_foreign_rover_rolls_over_a_tiles_border(small_world, tmp_path, build, ground, wheels):
     """It begins with its wheels on two tiles, rolls down the slope and crosses into two more."""
-    world = bare(small_world)
+    world = worlds.bare(small_world)
     export(world, tmp_path, options=Options(ground=ground, tile_cells=48))
     borders = small_world.ground.east[48], small_world.ground.north[48]
     assert borders == (0.0, 4.0)

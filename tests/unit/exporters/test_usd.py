@@ -96,9 +96,7 @@ def value(shader, name):
 
 
 def test_a_world_without_rocks_and_paths(small_world, tmp_path):
-    nothing = small_world.field.select(np.zeros(len(small_world.field), bool))
-    world = small_world.replace(field=nothing, trajectories=())
-    directory = exported(world, tmp_path / "usd")
+    directory = exported(worlds.bare(small_world, trajectories=()), tmp_path / "usd")
     assert findings(Usd.Stage.Open(str(directory / "scene.usda"))) == []
 
 

@@ -6,7 +6,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from scipy.stats import chi2, norm
 
 from terrain_forge.base import DataError, RecipeError
-from terrain_forge.model import ExclusionZone, Heightfield, Window, rotations
+from terrain_forge.model import ExclusionZone, Window, rotations
 from terrain_forge.rocks import (
     Clustered,
     Golombek,
@@ -24,6 +24,7 @@ from terrain_forge.rocks.arrangement import AroundCraters, Crater, crowding
 from terrain_forge.rocks.embedding.footprint import bounds
 from terrain_forge.rocks.scattering.intensity import crater_bounds
 from terrain_forge.rocks.scattering.size_classes import DYNAMIC_SPACE
+from tests.helpers import worlds
 from tests.helpers.scattering import CLUSTERED, LIBRARY, image, listed, rough, run, sand, site
 
 COLUMNS = (
@@ -223,13 +224,7 @@ def test_no_rock_on_steep_ground():
 def test_no_rock_on_a_steep_triangle_between_flat_nodes():
     """Ripples of two nodes' length have level central differences and steep triangles."""
     place = site((20.0, 20.0))
-    east, north = place.axes(place.window)
-    ripples = np.where(east > 0.0, 0.5 * (np.arange(len(east)) % 2), 0.0)
-    ground = Heightfield(
-        elevation=np.tile(ripples, (len(north), 1)),
-        spacing=place.spacing,
-        origin=(east[0], north[0]),
-    )
+    ground = worlds.shaped(place, lambda x, _: np.where(x > 0, 0.5 * (np.arange(x.size) % 2), 0.0))
     spec = sand(5.0, max_slope_deg=20.0)
     assert run(place, spec, ground=ground).xy[:, 0].max() < 0.0
     area = expected(spec, site=place, window=place.window, ground=ground).area
@@ -238,9 +233,7 @@ def test_no_rock_on_a_steep_triangle_between_flat_nodes():
 
 def test_ground_that_is_too_steep_everywhere_is_refused():
     place = site((20.0, 20.0))
-    east, north = place.axes(place.window)
-    slope = np.tile(east, (len(north), 1))
-    ground = Heightfield(elevation=slope, spacing=place.spacing, origin=(east[0], north[0]))
+    ground = worlds.shaped(place, lambda x, _: x)
     with pytest.raises(RecipeError, match=r"no place is left for 'sand' .* slope limit"):
         run(place, sand(max_slope_deg=40.0), ground=ground)
     part = Window(column=4, row=4, columns=20, rows=20)

@@ -37,11 +37,7 @@ def site(contact):
 
 
 def flat(place):
-    east, north = place.axes(place.window)
-    level = np.full((len(north), len(east)), 0.25, np.float32)
-    return tf.Heightfield(
-        elevation=level, spacing=place.spacing, origin=(float(east[0]), float(north[0]))
-    )
+    return worlds.shaped(place, lambda *_: 0.25)
 
 
 def rocks(count, *, diameter=1.0, dynamic=False, first=0, spread=0.0):

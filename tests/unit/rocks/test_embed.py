@@ -37,21 +37,14 @@ def place(spacing=0.1):
 
 
 def ground(site, window=None):
-    east, north = site.axes(window or site.window)
-    rough = 0.02 * np.sin(7.0 * east[None, :]) * np.cos(9.0 * north[:, None])
-    return Heightfield(
-        elevation=worlds.hill(east[None, :], north[:, None]) + rough,
-        spacing=site.spacing,
-        origin=(float(east[0]), float(north[0])),
-    )
+    def rough(east, north):
+        return worlds.hill(east, north) + 0.02 * np.sin(7.0 * east) * np.cos(9.0 * north)
+
+    return worlds.shaped(site, rough, window)
 
 
 def slope(site, rise_east, rise_north):
-    east, north = site.axes(site.window)
-    heights = 0.3 + rise_east * east[None, :] + rise_north * north[:, None]
-    return Heightfield(
-        elevation=heights, spacing=site.spacing, origin=(float(east[0]), float(north[0]))
-    )
+    return worlds.shaped(site, lambda x, y: 0.3 + rise_east * x + rise_north * y)
 
 
 @pytest.fixture(scope="module")

@@ -110,9 +110,7 @@ def test_slope_towards_the_sun_is_brighter(small_world):
     tilted = small_world.ground.replace(
         elevation=np.broadcast_to(0.15 * small_world.ground.east, small_world.ground.shape)
     )
-    bare = small_world.replace(
-        ground=tilted, field=small_world.field.select(np.arange(0)), trajectories=()
-    )
+    bare = worlds.bare(small_world, ground=tilted, trajectories=())
     west = bare.lighting.replace(sun_azimuth=np.radians(270), sun_elevation=0.5)
     east = bare.lighting.replace(sun_azimuth=np.radians(90), sun_elevation=0.5)
     assert compass_to_direction(np.radians(90), 0.0)[0] == pytest.approx(1.0)
@@ -256,7 +254,7 @@ def test_what_leans_over_beyond_the_border_is_lit_by_the_sun_before_it(small_wor
 
 def test_hills_beyond_the_border_show_no_triangles_where_the_sun_grazes_them(flat_world):
     """Coarse triangles shade themselves and each other where the smooth hill is lit."""
-    world = worlds.with_horizon(flat_world.replace(field=flat_world.field.select(np.arange(0))))
+    world = worlds.with_horizon(worlds.bare(flat_world))
     steps = np.linspace(-30.0, 30.0, 13)
     x, y = (part.ravel() for part in np.meshgrid(steps, steps))
     middle, bend = world.ground.bounds[2] + 31.0, 1.0 / 60.0
@@ -285,8 +283,7 @@ def test_hills_beyond_the_border_show_no_triangles_where_the_sun_grazes_them(fla
 
 
 def test_world_without_rocks_and_paths_has_a_picture(flat_world):
-    bare = flat_world.replace(field=flat_world.field.select(np.arange(0)))
-    assert render_preview(bare, width=64, height=36).shape == (36, 64, 3)
+    assert render_preview(worlds.bare(flat_world), width=64, height=36).shape == (36, 64, 3)
 
 
 def test_ground_colour_is_the_same_in_every_window(small_world):

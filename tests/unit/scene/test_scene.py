@@ -18,6 +18,7 @@ from terrain_forge.scene import (
 )
 from terrain_forge.scene.camera import map_camera
 from terrain_forge.scene.scene import MISSED
+from tests.helpers import worlds
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -68,7 +69,7 @@ def first_hit(origin, direction, corners, owners):
 
 
 def test_rays_meet_the_ground_where_height_at_says(small_world):
-    bare = open_scene(small_world.replace(field=small_world.field.select(np.arange(0))))
+    bare = open_scene(worlds.bare(small_world))
     random = np.random.default_rng(2)
     points = random.uniform((-11.99, -7.99), (11.99, 7.99), (2000, 2))
     with bare:
@@ -96,7 +97,7 @@ def test_cut_runs_from_south_west_to_north_east(small_world):
 def test_nodes_edges_and_border_are_watertight(small_world):
     ground = small_world.ground
     east, north = (grid.ravel() for grid in np.meshgrid(ground.east[1:-1], ground.north[1:-1]))
-    bare = open_scene(small_world.replace(field=small_world.field.select(np.arange(0))))
+    bare = open_scene(worlds.bare(small_world))
     with bare:
         hits = bare.cast(np.column_stack([east, north, np.full(len(east), 20.0)]), DOWN)
     np.testing.assert_allclose(

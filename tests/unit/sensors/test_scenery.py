@@ -9,7 +9,7 @@ import pytest
 
 from terrain_forge.base import DataError, RecipeError, TerrainForgeError, kernel
 from terrain_forge.geometry import rover_looks
-from terrain_forge.model import DtmPatch, Trajectory
+from terrain_forge.model import Trajectory
 from terrain_forge.scene import BODY, GROUND, MISSED, OUTSIDE, RayScene, shade8, subject_of
 from terrain_forge.scene.embree import INCOHERENT
 from terrain_forge.scene.packets import ACTIVE, FAR, packet_memory, set_ray
@@ -135,14 +135,7 @@ def test_the_apron_follows_the_dtm_as_far_as_it_goes():
     """A ridge that the site's DTM shows beyond the edge is there, a bump at the edge runs out."""
     posts = np.arange(-60.0, 61.0)
     ridge = 3.0 * np.exp(-(((posts - 30.0) / 6.0) ** 2))
-    dtm = DtmPatch(
-        heights=np.tile(ridge, (len(posts), 1)),
-        to_pixel=(1.0, 0.0, 60.0, 0.0, 1.0, 60.0),
-        crs="",
-        wrap=(0.0, 0.0),
-        posting=1.0,
-        filled=0,
-    )
+    dtm = worlds.patch(np.tile(ridge, (len(posts), 1)), (1.0, 0.0, 60.0, 0.0, 1.0, 60.0))
     world = worlds.world()
     world = worlds.with_horizon(world.replace(site=world.site.replace(dtm=dtm)))
     edge = partial(heights_beyond, world.ground, world.horizon)

@@ -172,14 +172,7 @@ def test_means_are_kept_on_a_turned_lattice():
     """A polar grid, say: north points anywhere, and no pixel holds a whole number of nodes."""
     posts = natural_surface(64, 0.7, seed=8)
     cos, sin = np.cos(0.6), np.sin(0.6)
-    patch = DtmPatch(
-        heights=posts,
-        to_pixel=(cos, sin, 31.2, -sin, cos, 30.7),
-        crs="",
-        wrap=(0.0, 0.0),
-        posting=1.0,
-        filled=0,
-    )
+    patch = worlds.patch(posts, (cos, sin, 31.2, -sin, cos, 30.7))
     roughness = fit_roughness(posts, 1.0, MARS)
     site = worlds.site().replace(
         size=(24.0, 24.0), spacing=0.0625, dtm=patch, roughness=roughness, slope=(0.02, -0.01)
@@ -192,14 +185,7 @@ def test_means_are_kept_on_a_turned_lattice():
 @pytest.mark.parametrize("spacing", [0.125, 0.1, 0.3])
 def test_window_is_the_cut_bit_for_bit(spacing):
     posts = natural_surface(64, 0.7, seed=8)
-    patch = DtmPatch(
-        heights=posts,
-        to_pixel=(0.8, 0.6, 31.2, 0.6, -0.8, 30.7),
-        crs="",
-        wrap=(0.0, 0.0),
-        posting=1.0,
-        filled=0,
-    )
+    patch = worlds.patch(posts, (0.8, 0.6, 31.2, 0.6, -0.8, 30.7))
     size = (160 * spacing, 120 * spacing)
     roughness = fit_roughness(posts, 1.0, MARS)
     site = worlds.site().replace(size=size, spacing=spacing, dtm=patch, roughness=roughness)

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from terrain_forge.dtm.grain import find_grain
 from terrain_forge.dtm.roughness import fit_roughness
-from terrain_forge.model import MARS, DtmPatch, Window
+from terrain_forge.model import MARS, Window
 from terrain_forge.terrain import Fractal, rms_deviation, shape_ground
 from tests.helpers import worlds
 from tests.unit.terrain.test_continuation import natural_surface
@@ -34,14 +34,7 @@ def ridges(angle, count=96):
 def site_of(heights, *, north_up=False, spacing=0.25):
     rows = -1.0 if north_up else 1.0
     middle = 0.5 * (len(heights) - 1)
-    patch = DtmPatch(
-        heights=heights,
-        to_pixel=(1.0, 0.0, middle, 0.0, rows, middle),
-        crs="",
-        wrap=(0.0, 0.0),
-        posting=1.0,
-        filled=0,
-    )
+    patch = worlds.patch(heights, (1.0, 0.0, middle, 0.0, rows, middle))
     roughness = fit_roughness(heights, 1.0, MARS)
     return worlds.site().replace(size=(30.0, 30.0), spacing=spacing, dtm=patch, roughness=roughness)
 

@@ -33,6 +33,7 @@ from terrain_forge.writers import (
     write_stl,
 )
 from terrain_forge.writers.mesh import vertex_tangents
+from tests.helpers import worlds
 from tests.helpers.surfaces import random_points, top_under
 
 
@@ -255,8 +256,7 @@ def test_merged_rocks_leave_out_only_what_is_under_the_ground(small_world):
 
 def test_no_rock_makes_an_empty_mesh(small_world):
     shapes = [shape.meshes[0] for shape in small_world.library.prototypes]
-    none = small_world.field.select(np.zeros(len(small_world.field), bool))
-    vertices, faces = merge_rocks(none, shapes, small_world.ground)
+    vertices, faces = merge_rocks(worlds.bare(small_world).field, shapes, small_world.ground)
     assert vertices.shape == (0, 3)
     assert faces.shape == (0, 3)
 
