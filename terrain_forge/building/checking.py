@@ -1,4 +1,4 @@
-"""What `terrain-forge check` says: the DTM described, the recipe checked, the cost estimated."""
+"""What `terrain-forge check` says: of the DTM, the recipe, what it costs, the rover."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 from terrain_forge.base import DataError, length_text, reading, returning
 from terrain_forge.building.cost import cost_line, stage_line
-from terrain_forge.building.rover_check import rover_lines
 from terrain_forge.dtm import (
     Description,
     RasterDtm,
@@ -21,8 +20,8 @@ from terrain_forge.dtm import (
     still_to_fetch,
 )
 from terrain_forge.making import light_of
-from terrain_forge.model import BODIES, Lighting, Site
-from terrain_forge.paths import Planned, duration
+from terrain_forge.model import BODIES, Lighting, Rover, Site
+from terrain_forge.paths import Planned, duration, highest_step
 from terrain_forge.recipe import (
     ExportOrder,
     Recipe,
@@ -31,7 +30,9 @@ from terrain_forge.recipe import (
     tile_cells,
 )
 from terrain_forge.rocks import contact_told
-from terrain_forge.rovers import rover_of
+from terrain_forge.rovers import doubt_stance, doubt_unit, rover_of, told_radii
+
+_WARNING = f"  {'warning':<12}"
 
 
 def fetch_lines(recipe: Recipe) -> Iterator[str]:
@@ -167,3 +168,37 @@ def _horizon(site: Site) -> str:
         told = f"heights read out to {length_text(known)} ({sources})"
     rocks = f"; rocks within {spec.rocks_m:g} m" if spec.rocks_m else ""
     return f"{told}{rocks}; 1 to 6 MB in each format that takes it"
+
+
+def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
+    """What a site's rover is, and warnings of what cannot be right or is too fast for it."""
+    if not rover.wheels:
+        yield f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, no wheels"
+        return
+    held = f", held: {', '.join(rover.held)}" if rover.held else ""
+    yield (
+        f"  {'rover':<12} {rover.name}: {rover.mass:.3g} kg, {len(rover.wheels)} wheels of "
+        f"{told_radii(rover)} m driven{held}, step limit {highest_step(rover):.2g} m"
+    )
+    for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
+        yield f"  {'note':<12} {note}"
+    yield from (f"{_WARNING} {text}" for text in rover.unread)
+    doubts = doubt_unit(rover), doubt_stance(rover)
+    yield from (f"{_WARNING} {text}" for text in doubts if text)
+    if rover.length > min(site.size) or rover.width > min(site.size):
+        yield (
+            f"{_WARNING} the rover is {rover.length:.3g} m long and {rover.width:.3g} m wide, the "
+            f"site {site.size[0]:g} × {site.size[1]:g} m"
+        )
+    validate = site.recipe.validate
+    if rover.steering and validate and (validate.drive or validate.drives):
+        yield (
+            f"{_WARNING} joints that steer are held at rest ({', '.join(rover.steering)}): the "
+            "rover turns by skidding, or not at all"
+        )
+    for path in site.recipe.paths:
+        if path.speed_m_s > rover.speed_limit:
+            yield (
+                f"{_WARNING} {path.name}: {path.speed_m_s:g} m/s, the rover {rover.name} drives "
+                f"at {rover.speed_limit:g} m/s at most"
+            )

@@ -10,8 +10,6 @@ from .close_ground import close_loss as close_loss
 from .close_ground import close_patches as close_patches
 from .close_ground import close_pixel as close_pixel
 from .close_ground import pixel_beside as pixel_beside
-from .dome import dome_image as dome_image
-from .dome import dome_level as dome_level
 from .ground_mesh import cell_bands as cell_bands
 from .ground_mesh import grid_faces as grid_faces
 from .ground_mesh import grid_normals as grid_normals
@@ -34,6 +32,8 @@ from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor
 from .lights import LightLevels as LightLevels
 from .lights import Lights as Lights
+from .lights import dome_image as dome_image
+from .lights import dome_level as dome_level
 from .lights import facing_sun as facing_sun
 from .lights import light_levels as light_levels
 from .losses import PLACE_LOSS as PLACE_LOSS

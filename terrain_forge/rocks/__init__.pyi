@@ -41,11 +41,11 @@ from .library import MeshSpec as MeshSpec
 from .library import find_library as find_library
 from .library import is_library_kept as is_library_kept
 from .library import make_library as make_library
-from .near_paths import rocks_near_paths as rocks_near_paths
-from .near_paths import seen_close as seen_close
 from .packing import check_packing as check_packing
 from .pebbles import path_pebbles as path_pebbles
 from .pebbles import require_pebbles as require_pebbles
+from .pebbles import rocks_near_paths as rocks_near_paths
+from .pebbles import seen_close as seen_close
 from .pebbles import tiles_near_paths as tiles_near_paths
 from .pebbles import with_pebbles as with_pebbles
 from .populations import ExclusionSpec as ExclusionSpec

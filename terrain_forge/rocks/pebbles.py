@@ -1,8 +1,9 @@
-"""Pebbles near paths: rocks below a recipe's smallest, for pictures alone.
+"""What is near paths: rocks that are seen from so close, and pebbles, for pictures alone.
 
-Their number and sizes follow the size-frequency law of the population with the smallest rocks, on
-down. They are no part of the world: nothing touches them, and truth does not count them. A world
-that has them among its rocks is for cameras and lidars alone.
+Pebbles are rocks below a recipe's smallest. Their number and sizes follow the size-frequency law of
+the population with the smallest rocks, on down. They are no part of the world: nothing touches
+them, and truth does not count them. A world that has them among its rocks is for cameras and lidars
+alone.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
 from terrain_forge.model import (
+    CLOSE_MIN_M,
     BuiltTile,
     Heightfield,
     RockField,
@@ -27,7 +29,6 @@ from terrain_forge.model import (
     owned,
     path_points,
 )
-from terrain_forge.rocks.near_paths import path_distance
 
 MOST_PEBBLES = 2_000_000
 """Pebbles that one world, or tile, may have."""
@@ -36,6 +37,41 @@ FIRST_ID = 2**30
 _CELL = 0.5  # side of the squares that are drawn by themselves [m]
 _HIGH = 0.2  # height of a pebble's centre above the ground [diameters]
 _SUNK = 0.02  # how deep its lowest corner lies in the ground at least [diameters]
+
+
+def path_distance(world: World, places: Array) -> Array:
+    """Distances of places (east, north [m]) to the nearest path [m]; infinite without one."""
+    from scipy.spatial import KDTree
+
+    points = path_points(world.trajectories)
+    if not len(points) or not len(places):
+        return np.full(len(places), np.inf)
+    return np.asarray(KDTree(points).query(places)[0])
+
+
+def rocks_near_paths(world: World, *, smallest: float, within: float) -> NDArray[np.int32]:
+    """The rocks of at least `smallest` [m] no farther than `within` [m] from a path; with 0 none.
+
+    Returns:
+        Their ids, shape [rocks].
+    """
+    rocks = world.field.select((world.field.diameter >= smallest) & (within > 0.0))
+    away = path_distance(world, rocks.position[:, :2]) - 0.5 * rocks.diameter
+    return np.asarray(rocks.id[away <= within])
+
+
+def seen_close(world: World, *, within: float) -> NDArray[np.int32]:
+    """The rocks that pictures near the world's paths should draw by their close meshes.
+
+    They are the large ones (`CLOSE_MIN_M`) near a path, as `rocks_near_paths` has them, whose
+    shapes have such a mesh.
+
+    Returns:
+        Their ids, shape [rocks].
+    """
+    has_one = np.array([shape.close is not None for shape in world.library.prototypes], np.bool_)
+    fine = world.replace(field=world.field.select(has_one[world.field.prototype]))
+    return rocks_near_paths(fine, smallest=CLOSE_MIN_M, within=within)
 
 
 def path_pebbles(

@@ -7,12 +7,13 @@ from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 
+from terrain_forge.base import DataError
 from terrain_forge.report.blocks import Block, thousands
 from terrain_forge.report.lines import ground_lines
 from terrain_forge.report.model.ground import MOST_CELLS, overlays
 from terrain_forge.report.model.rocks import MOST, picture_gain, shown_rocks
 from terrain_forge.report.model.scene import page_model
-from terrain_forge.report.recorded.sweep import shown_sweep
+from terrain_forge.report.recorded.measures import WorldSweep, first_sweep
 from terrain_forge.report.section import Built, Section
 
 _EFFORT = 5
@@ -72,3 +73,14 @@ def scripts() -> tuple[str, ...]:
 def bundled(name: str) -> str:
     """A file of the page's bundle: its style, its script, the library that draws in 3-D."""
     return (Path(__file__).parent.parent / "bundle" / name).read_text(encoding="utf-8")
+
+
+def shown_sweep(built: Built) -> WorldSweep | None:
+    """The first sweep of the recording; None without one, or where it cannot be read.
+
+    The section of the recording says why.
+    """
+    try:
+        return first_sweep(built.recording) if built.recording else None
+    except DataError:
+        return None
