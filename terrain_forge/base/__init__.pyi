@@ -39,6 +39,7 @@ from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows
 from .frames import linear_from_srgb as linear_from_srgb
 from .frames import matrix_from_quaternion as matrix_from_quaternion
+from .frames import placed as placed
 from .frames import quaternion_from_matrix as quaternion_from_matrix
 from .frames import quaternion_from_rpy as quaternion_from_rpy
 from .frames import rpy_from_matrix as rpy_from_matrix

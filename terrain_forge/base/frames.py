@@ -101,6 +101,13 @@ def quaternion_from_matrix(rotation: Array) -> Array:
     return np.asarray(np.where(unit[..., :1] < 0.0, -unit, unit))
 
 
+def placed(position: Array, rotation: Array) -> Array:
+    """The 4 x 4 matrix of a position [m] and a rotation matrix."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    return matrix
+
+
 def rpy_from_quaternion(quaternion: Array) -> Array:
     """Roll, pitch, yaw [rad], wrapped, shape [..., 3], of quaternions (w, x, y, z)."""
     return rpy_from_matrix(matrix_from_quaternion(quaternion))

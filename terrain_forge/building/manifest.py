@@ -77,7 +77,10 @@ def write_manifest(
         **site.stated,
         "versions": made_with(),
         **_origins(site.stated["recipe"]["dtm"]),
-        "exports": {export.folder: _plain(export) for export in sorted(exports, key=_folder)},
+        "exports": {
+            one.folder: {"kind": one.kind, "options": one.options, "losses": list(one.losses)}
+            for one in sorted(exports, key=_folder)
+        },
         "outputs": dict(sorted(outputs.items())),
         "varying": sorted({*names} - {*outputs} - _OWN),
     }
@@ -158,10 +161,6 @@ def exports_in(manifest: Manifest) -> tuple[Export, ...]:
         Export(folder=folder, **{**plain, "losses": tuple(plain["losses"])})
         for folder, plain in manifest["exports"].items()
     )
-
-
-def _plain(export: Export) -> dict[str, Any]:
-    return {"kind": export.kind, "options": export.options, "losses": list(export.losses)}
 
 
 def _folder(export: Export) -> str:

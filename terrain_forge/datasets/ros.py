@@ -21,7 +21,6 @@ from terrain_forge.base import (
 )
 from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import (
-    Layout,
     layout_of,
     layout_of_preset,
     packed,
@@ -307,7 +306,8 @@ class RosMessages:
         )
 
     def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
-        layout = _layout(self.recording, lidar, self.options)
+        asked = self.options.cloud
+        layout = layout_of(self.recording, lidar) if asked == "lidar" else asked
 
         def clouds() -> Iterator[Pair]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
@@ -390,10 +390,6 @@ def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
     named = {recording.sensor(name).key for name in options.sensors}
     chosen = (s for s in recording.sensors if not named or s.key in named)
     return [s for s in chosen if options.pictures or not isinstance(s, RecordedCamera)]
-
-
-def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
-    return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
 
 
 def projection_of(recording: Recording, camera: RecordedCamera) -> Array:

@@ -81,7 +81,7 @@ def fit_roughness(
     exponent = floor.exponent if floor else _fitted(heights, trusted, resolved)
     rise = 0.0 if floor else _likely_rise(heights, trusted, resolved)
     weighed = _weighed(exponent) + _MIDDLE * rise
-    hurst = _limited(weighed)
+    hurst = float(np.clip(weighed, *HURST_LIMITS))
     source = _source(heights.shape, exponent, hurst)
     if rise > 0.005:
         source += f", {rise:.2f} more in each octave below as it rises towards the posting"
@@ -150,10 +150,6 @@ def _source(shape: tuple[int, ...], exponent: tuple[float, float] | None, hurst:
     if min(shape) < FEWEST_POSTS:
         return f"exponent preset of {HURST_PRIOR[0]:g}, moved to {hurst:.2f} by {found} of a {size}"
     return f"exponent {found} fitted to the DTM"
-
-
-def _limited(hurst: float) -> float:
-    return float(np.clip(hurst, *HURST_LIMITS))
 
 
 def _shortest_resolved(squares: list[float]) -> int:

@@ -55,7 +55,7 @@ def stereo_odometry(
     Raises:
         DataError: if OpenCV is missing, or fewer than two pairs give a pose.
     """
-    cv2 = _opencv()
+    cv2 = opencv("stereo odometry")
     camera = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1.0]])
     times: list[float] = []
     places: list[Array] = []
@@ -102,11 +102,16 @@ def stereo_odometry(
     )
 
 
-def _opencv() -> Any:
+def opencv(what: str) -> Any:
+    """The module of OpenCV.
+
+    Raises:
+        DataError: says what needs it, if it is missing.
+    """
     try:
         import cv2
     except ImportError:
-        raise DataError("stereo odometry needs OpenCV: pip install 'terrain-forge[slam]'") from None
+        raise DataError(f"{what} needs OpenCV: pip install 'terrain-forge[slam]'") from None
     return cv2
 
 

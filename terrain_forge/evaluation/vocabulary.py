@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from terrain_forge.base import (
     silent,
     write_whole,
 )
+from terrain_forge.evaluation.visual_odometry import opencv
 
 Descriptors = NDArray[np.uint8]
 _BRANCHES, _LEVELS = 10, 6
@@ -37,6 +37,7 @@ _MAST, _PITCH, _FIELD = 0.9, 0.2, 1.4
 _SIZE = 640, 360
 _VIEWS = 10
 """Of each world."""
+_WHAT = "a vocabulary"
 _NAME = f"orb-vocabulary-{_SEED}.txt"
 
 
@@ -62,7 +63,7 @@ def make_vocabulary(progress: Progress = silent) -> Path:
     path = vocabulary_file()
     if path.is_file():
         return path
-    _opencv()  # before worlds are made
+    opencv(_WHAT)  # before worlds are made
     text = train_vocabulary([orb_descriptors(image) for image in _pictures(progress)])
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, text)
@@ -75,17 +76,9 @@ def orb_descriptors(image: NDArray[np.uint8]) -> Descriptors:
     Raises:
         DataError: if OpenCV is missing.
     """
-    finder = _opencv().ORB_create(nfeatures=_FEATURES, fastThreshold=10)
+    finder = opencv(_WHAT).ORB_create(nfeatures=_FEATURES, fastThreshold=10)
     _, found = finder.detectAndCompute(image, None)
     return np.zeros((0, 32), np.uint8) if found is None else np.asarray(found, np.uint8)
-
-
-def _opencv() -> Any:
-    try:
-        import cv2
-    except ImportError:
-        raise DataError("a vocabulary needs OpenCV: pip install 'terrain-forge[slam]'") from None
-    return cv2
 
 
 def _pictures(progress: Progress) -> Iterator[NDArray[np.uint8]]:

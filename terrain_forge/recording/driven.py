@@ -38,7 +38,6 @@ def motion_of_drive(
     path: str,
     *,
     still: float = 0.0,
-    scene: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Motion:
     """How the rover moves when it drives along a path in MuJoCo; it takes a tenth of that time.
@@ -50,7 +49,6 @@ def motion_of_drive(
         world: The world.
         path: Name of the path.
         still: How long it stands, settled, before it starts [s].
-        scene: The world's exported scene.xml, if there is one.
         progress: Told the share of the path that is done, 0 to 1, now and then.
 
     Raises:
@@ -66,11 +64,10 @@ def motion_of_drive(
         )
     logger = Logger()
     with TemporaryDirectory() as folder:
-        if scene is None:
-            mjcf = exporter("mjcf")
-            mjcf.export(world, Path(folder), options=mjcf.Options())
+        mjcf = exporter("mjcf")
+        mjcf.export(world, Path(folder), options=mjcf.Options())
         result = drive(
-            scene=scene or Path(folder) / "scene.xml",
+            scene=Path(folder) / "scene.xml",
             trajectory=world.trajectories[names.index(path)],
             rover=world.rover,
             spec=_limits(world, path),

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, is_file_name, portable, returning
+from terrain_forge.base import Array, is_file_name, placed, portable, returning
 from terrain_forge.model import Sensor
 from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
 
@@ -76,10 +76,9 @@ class Folder:
     def at_rest(self) -> Array:
         """From its frame to that of base_link where the rover stands, shape [4, 4]."""
         (place, turn), rover = self.instrument.mount, self.instrument.setting.world.rover
-        found = np.eye(4)
-        found[:3, :3] = portable.product(turn, OPTICAL) if self.optical else turn
-        found[:3, 3] = rover.origins[self.sensor.link] + place
-        return found
+        if self.optical:
+            turn = portable.product(turn, OPTICAL)
+        return placed(rover.origins[self.sensor.link] + place, turn)
 
     def state(self, times: NDArray[np.int64]) -> State:
         """How its frame stands and moves in the world at times from 0 [ns]."""
@@ -125,6 +124,5 @@ def from_body(folder: Folder, body: Folder | None) -> Array:
     if body is None:
         return folder.at_rest
     turn, place = body.at_rest[:3, :3], body.at_rest[:3, 3]
-    back = np.eye(4)
-    back[:3, :3], back[:3, 3] = turn.T, -portable.product(turn.T, place[:, None])[:, 0]
+    back = placed(-portable.product(turn.T, place[:, None])[:, 0], turn.T)
     return np.asarray(portable.product(back, folder.at_rest))

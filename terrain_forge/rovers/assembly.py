@@ -107,10 +107,3 @@ class Assembly:
         kinds = Counter(kind if _KIND.fullmatch(kind) else "other" for kind in self.sensors)
         told = ", ".join(f"{number} {kind}" for kind, number in sorted(kinds.items()))
         return (f"Sensors of its file are not read, the recipe's `sensors` add some: {told}.",)
-
-
-def placed(position: Array, rotation: Array) -> Array:
-    """The 4 x 4 matrix of a position [m] and a rotation matrix."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, position
-    return matrix

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, portable, rpy_from_matrix
+from terrain_forge.base import Array, placed, portable, rpy_from_matrix
 from terrain_forge.model import Link
-from terrain_forge.rovers.assembly import Body, placed
+from terrain_forge.rovers.assembly import Body
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.custom import Frame
 from terrain_forge.rovers.tread import Tread

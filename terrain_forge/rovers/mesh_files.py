@@ -14,10 +14,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, TerrainForgeError, portable, require_gltf
+from terrain_forge.base import Array, TerrainForgeError, placed, portable, require_gltf
 from terrain_forge.model import Mesh
 from terrain_forge.rovers import bounds
-from terrain_forge.rovers.assembly import Solid, bare_shape, placed
+from terrain_forge.rovers.assembly import Solid, bare_shape
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.packages import Packages
 

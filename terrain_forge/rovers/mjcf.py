@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, load_model, matrix_from_quaternion, portable
+from terrain_forge.base import Array, load_model, matrix_from_quaternion, placed, portable
 from terrain_forge.rovers import bounds
-from terrain_forge.rovers.assembly import Assembly, Body, Joint, Solid, bare_shape, placed
+from terrain_forge.rovers.assembly import Assembly, Body, Joint, Solid, bare_shape
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import hull_of, mesh_solid
 from terrain_forge.rovers.mjcf_files import check_mjcf

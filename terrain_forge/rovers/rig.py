@@ -15,12 +15,12 @@ from terrain_forge.base import (
     Spec,
     hint_at,
     matrix_from_quaternion,
+    placed,
     portable,
     quaternion_from_rpy,
     rpy_from_matrix,
 )
 from terrain_forge.model import Rover, Sensor, sensor_kinds, simple_sensors
-from terrain_forge.rovers.assembly import placed
 from terrain_forge.rovers.custom import Frame
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from terrain_forge.base import portable
+from terrain_forge.base import placed, portable
 from terrain_forge.model import Sensor
-from terrain_forge.rovers.assembly import placed
 from terrain_forge.rovers.catalogue import RoverChoice, resolve_rover
 from terrain_forge.rovers.custom import FoundRover
 from terrain_forge.rovers.rig import AnySensor, told_in

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, portable
+from terrain_forge.base import Array, DataError, placed, portable
 from terrain_forge.model import Coupling, Rover, Wheel
-from terrain_forge.rovers.assembly import TURNING, Assembly, Body, placed
+from terrain_forge.rovers.assembly import TURNING, Assembly, Body
 from terrain_forge.rovers.custom import FileRover, Frame
 from terrain_forge.rovers.links import make_links
 from terrain_forge.rovers.tread import Tread, measure_tread, outline

@@ -17,6 +17,7 @@ from terrain_forge.base import (
     Array,
     hint_at,
     matrix_from_quaternion,
+    placed,
     portable,
     quaternion_from_rpy,
 )
@@ -30,7 +31,6 @@ from terrain_forge.rovers.assembly import (
     Solid,
     Unread,
     bare_shape,
-    placed,
 )
 from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.mesh_files import MeshFiles

@@ -1,4 +1,5 @@
 import json
+import operator
 import xml.etree.ElementTree as ET
 from functools import partial
 
@@ -6,10 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from terrain_forge.model import rotations
-from tests.helpers import exports, worlds
+from tests.helpers import exports, sdf_files, worlds
 from tests.helpers.ground_pictures import PIXELS, shows_its_nodes, speckled
 from tests.helpers.pythons import asked
 
@@ -41,20 +41,7 @@ def models(directory):
     return {model.get("name"): model for model in root.find("world").iter("model")}
 
 
-def numbers(element):
-    return np.array(element.text.split(), float)
-
-
-def meshes(directory, model, kind):
-    """Name, vertices in the model's frame and faces of a model's visuals or collisions."""
-    for part in model.iter(kind):
-        mesh = part.find("geometry/mesh")
-        read = trimesh.load(directory / mesh.findtext("uri"), force="mesh", process=False)
-        vertices = read.vertices * (numbers(s) if (s := mesh.find("scale")) is not None else 1)
-        if (pose := part.find("pose")) is not None:
-            turn = Rotation.from_euler("xyz", numbers(pose)[3:])
-            vertices = turn.apply(vertices) + numbers(pose)[:3]
-        yield part.get("name"), vertices, read.faces
+meshes = partial(sdf_files.meshes, file_of=operator.truediv)
 
 
 def test_the_texture_lies_the_right_way(small_world, tmp_path):

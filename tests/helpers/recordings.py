@@ -14,6 +14,8 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from terrain_forge.base import placed
+
 EPOCH = 1_600_000_000 * 10**9
 GRAVITY = 3.711
 SPEED, TURN, HEIGHT = 0.5, 0.6, 0.4
@@ -47,17 +49,10 @@ INCLINOMETER = ("roll [rad],pitch [rad]", (0.1, -0.2))
 """Tables of one row again and again."""
 
 
-def transform(place, turn) -> np.ndarray:
-    """A pose, shape [4, 4]."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = turn, place
-    return found
-
-
-IMU = transform([0.1, 0.02, 0.3], Rotation.from_euler("xyz", [2, -3, 5], True).as_matrix())
-LIDAR = transform([0.2, 0.0, 0.6], Rotation.from_euler("y", 2, True).as_matrix())
-LEFT = transform([0.3, 0.06, 0.5], Rotation.from_euler("y", 35, True).as_matrix() @ OPTICAL)
-RIGHT = LEFT @ transform([BASELINE, 0, 0], np.eye(3))
+IMU = placed([0.1, 0.02, 0.3], Rotation.from_euler("xyz", [2, -3, 5], True).as_matrix())
+LIDAR = placed([0.2, 0.0, 0.6], Rotation.from_euler("y", 2, True).as_matrix())
+LEFT = placed([0.3, 0.06, 0.5], Rotation.from_euler("y", 35, True).as_matrix() @ OPTICAL)
+RIGHT = LEFT @ placed([BASELINE, 0, 0], np.eye(3))
 
 
 @cache
@@ -67,7 +62,7 @@ def base_pose(time: float) -> np.ndarray:
     radius = SPEED / TURN
     place = [radius * math.sin(angle), radius * (1 - math.cos(angle)), HEIGHT]
     turn = Rotation.from_euler("xyz", [0.05 * math.sin(3 * time), 0.02 * math.cos(time), angle])
-    return transform(place, turn.as_matrix())
+    return placed(place, turn.as_matrix())
 
 
 @cache
@@ -75,7 +70,7 @@ def rocking_pose(time: float) -> np.ndarray:
     """A link that rocks about a joint, in base_link; at rest the two are one frame."""
     turn = Rotation.from_euler("y", 0.2 * math.sin(2 * time)).as_matrix()
     joint = np.array([0.1, 0.3, 0.2])
-    return transform(joint - turn @ joint, turn)
+    return placed(joint - turn @ joint, turn)
 
 
 def on_plane(pose: np.ndarray, rays: np.ndarray) -> np.ndarray:

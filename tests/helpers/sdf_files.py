@@ -28,11 +28,11 @@ def file_of(directory, uri):
     return directory / "models" / uri.removeprefix("model://")
 
 
-def meshes(directory, model, kind):
+def meshes(directory, model, kind, file_of=file_of):
     """Name, vertices in the model's frame and faces of a model's visuals or collisions."""
     for part in model.iter(kind):
         mesh = part.find("geometry/mesh")
-        read = trimesh.load(file_of(directory, mesh.findtext("uri")), process=False)
+        read = trimesh.load(file_of(directory, mesh.findtext("uri")), force="mesh", process=False)
         vertices = read.vertices * (numbers(s) if (s := mesh.find("scale")) is not None else 1)
         if (pose := part.find("pose")) is not None:
             turn = Rotation.from_euler("xyz", numbers(pose)[3:])

@@ -40,7 +40,7 @@ class Summary(Section):
             ("Body", f"{site.body.name.capitalize()}, gravity {site.body.gravity:g} m/s²"),
             ("Place", _place(world)),
             ("Terrain model", _terrain_model(dtm)),
-            *_origin(dtm),
+            *((f"Its {key}", said) for key, said in (origin(dtm) or {}).items()),
             *([("Posting of the model", f"{site.dtm.posting:.4g} m")] if site.dtm else []),
             *([("Samples filled in", thousands(site.dtm.filled))] if site.dtm else []),
             (
@@ -63,11 +63,6 @@ class Summary(Section):
 def _terrain_model(dtm: dict[str, Any]) -> str:
     names = (dtm.get(key) for key in ("source", "product", "url", "kind"))
     return str(next(filter(None, names), "made by hand"))
-
-
-def _origin(dtm: dict[str, Any]) -> list[tuple[str, Shown]]:
-    """Where a fetched terrain model comes from, on what terms it may be used, what to cite."""
-    return [(f"Its {key}", said) for key, said in (origin(dtm) or {}).items()]
 
 
 def _place(world: World) -> str:

@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from terrain_forge.base import placed
 from terrain_forge.datasets import write_dataset
 from tests.helpers.recordings import (
     BASELINE,
@@ -19,7 +20,6 @@ from tests.helpers.recordings import (
     SPEED,
     TURN,
     base_pose,
-    transform,
     write_recording,
 )
 
@@ -72,7 +72,7 @@ def pose_of(place, turn):
     from scipy.spatial.transform import Rotation
 
     found = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
-    return transform([place.x, place.y, place.z], found)
+    return placed([place.x, place.y, place.z], found)
 
 
 def points_of(cloud):
@@ -280,7 +280,7 @@ def test_tables_of_other_sensors(tmp_path):
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     pose = pose_of(odometry.pose.pose.position, odometry.pose.pose.orientation)
     turn = [[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]]
-    np.testing.assert_allclose(pose, transform([1, 2, 0], turn), atol=1e-12)
+    np.testing.assert_allclose(pose, placed([1, 2, 0], turn), atol=1e-12)
     covariance = odometry.pose.covariance.reshape(6, 6)
     np.testing.assert_array_equal(covariance, covariance.T)
     assert [covariance[0, 1], covariance[5, 5], covariance[2, 2]] == [0.02, 0.06, 1e6]
