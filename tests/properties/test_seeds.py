@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
+from scipy.stats import chi2, kstest, poisson
 
 import terrain_forge as tf
 from terrain_forge.base import mix, stage_key, uniform, uniforms, zigzag
+from terrain_forge.base import seeds as drawn
 from terrain_forge.model import mix as tf_mix
 from terrain_forge.model import uniform as tf_uniform
 
@@ -73,3 +75,12 @@ def test_addresses_are_told_apart_by_their_order(seed, address):
 def test_codes_of_signed_integers_are_their_own(one, other):
     assert zigzag(np.int64(one)) >= 0
     assert (zigzag(np.int64(one)) == zigzag(np.int64(other))) == (one == other)
+
+
+@pytest.mark.parametrize("mean", [0.3, 12.0, 511.0, 513.0, 40_000.0])
+def test_counts_are_poisson_whatever_their_mean(mean):
+    counts = np.array([drawn.poisson(np.uint64(mix(1, n)), mean) for n in range(2000)])
+    dispersion = np.square(counts - mean).sum() / mean
+    assert chi2.ppf(0.0005, len(counts)) < dispersion < chi2.isf(0.0005, len(counts))
+    if mean > 500.0:
+        assert kstest(counts + 0.5, poisson(mean).cdf).pvalue > 0.001

@@ -6,11 +6,12 @@ import json
 
 import numpy as np
 import pytest
+import requests
 
 import terrain_forge as tf
 from terrain_forge.base import DataError, RecipeError, StorageError
 from terrain_forge.building import write_manifest
-from terrain_forge.dtm import RasterDtm, expanded, fetch_product
+from terrain_forge.dtm import RasterDtm, download, expanded, fetch_product
 from terrain_forge.dtm.download import CHUNK
 from terrain_forge.dtm.places import places
 from terrain_forge.dtm.products import find_product, table
@@ -272,3 +273,13 @@ def test_addresses_that_are_none(tmp_path, url):
     (tmp_path / "a.yaml").write_text(RECIPE.replace("place: gale", f"url: '{url}'"))
     with pytest.raises(RecipeError, match=r"a.yaml:4: dtm.url"):
         tf.load_recipe(tmp_path / "a.yaml")
+
+
+def test_a_server_that_is_not_reached_may_mean_offline(monkeypatch):
+    def unreachable(*_, **__):
+        raise requests.ConnectionError("Failed to resolve")
+
+    monkeypatch.delenv(download.OFFLINE, raising=False)
+    monkeypatch.setattr(requests.Session, "get", unreachable)
+    with pytest.raises(DataError, match=r"dem cannot be had: x.org is not reached.*Offline.*copy"):
+        download.ask("https://x.org/dem.tif", "dem", wish="dem")
