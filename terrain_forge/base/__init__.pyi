@@ -31,7 +31,6 @@ from .errors import TerrainForgeError as TerrainForgeError
 from .errors import hint_at as hint_at
 from .errors import reading as reading
 from .errors import warn_user as warn_user
-from .explaining import Complaint as Complaint
 from .explaining import complaint as complaint
 from .explaining import dotted as dotted
 from .figures import own_style as own_style

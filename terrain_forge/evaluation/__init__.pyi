@@ -5,7 +5,6 @@ from .adapter import Run as Run
 from .adapter import run_system as run_system
 from .alignment import aligned as aligned
 from .alignment import associate as associate
-from .alignment import rigid_motion as rigid_motion
 from .bench import RESULTS as RESULTS
 from .bench import evaluate_recording as evaluate_recording
 from .bench import run_stages as run_stages
@@ -18,14 +17,12 @@ from .choosing import system_lines as system_lines
 from .files import read_options as read_options
 from .files import score_files as score_files
 from .loops import Loops as Loops
-from .loops import LoopScore as LoopScore
 from .loops import made_loops as made_loops
 from .loops import read_loops as read_loops
 from .loops import score_loops as score_loops
 from .map_files import MapPoints as MapPoints
 from .map_files import read_map as read_map
 from .map_score import MapScore as MapScore
-from .map_score import SiteGrid as SiteGrid
 from .map_score import score_map as score_map
 from .map_score import site_grid as site_grid
 from .map_tables import kept_maps as kept_maps
@@ -35,7 +32,6 @@ from .map_tables import write_maps as write_maps
 from .paper_table import paper_rows as paper_rows
 from .paper_table import write_paper_table as write_paper_table
 from .poses import TimedPoses as TimedPoses
-from .poses import checked_poses as checked_poses
 from .poses import read_poses as read_poses
 from .program import Program as Program
 from .results import Result as Result
@@ -44,8 +40,6 @@ from .results import result_plain as result_plain
 from .results import write_results as write_results
 from .score import Score as Score
 from .score import ScoreOptions as ScoreOptions
-from .score import Spread as Spread
-from .score import relative_errors as relative_errors
 from .score import score_poses as score_poses
 from .stamped import ERRORS as ERRORS
 from .stamped import read_errors as read_errors
@@ -55,8 +49,6 @@ from .tables import latex_table as latex_table
 from .tables import require_no_tables as require_no_tables
 from .tables import require_place as require_place
 from .tables import score_lines as score_lines
-from .tables import score_plain as score_plain
-from .tables import score_rows as score_rows
 from .tables import table_lines as table_lines
 from .tables import text_table as text_table
 from .tables import write_scores as write_scores

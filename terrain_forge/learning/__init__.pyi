@@ -3,8 +3,6 @@
 from .adapters import GroundMaker as GroundMaker
 from .adapters import add_to_spec as add_to_spec
 from .adapters import trimeshes as trimeshes
-from .arena import Arena as Arena
-from .arena import load_arena as load_arena
 from .drive import DriveEnv as DriveEnv
 from .queries import Grounds as Grounds
 from .registration import DRIVE as DRIVE

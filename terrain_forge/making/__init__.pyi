@@ -3,7 +3,6 @@
 from .lighting import light_at as light_at
 from .lighting import light_of as light_of
 from .lighting import place_of as place_of
-from .planning import Draft as Draft
 from .planning import draft as draft
 from .planning import plan as plan
 from .planning import plan_draft as plan_draft

@@ -92,7 +92,6 @@ from .rover import Rover as Rover
 from .rover import Shape as Shape
 from .rover import Wheel as Wheel
 from .rover import moments as moments
-from .sensor import Form as Form
 from .sensor import Sdf as Sdf
 from .sensor import Sensor as Sensor
 from .sensor import Topic as Topic

@@ -1,10 +1,7 @@
 """Paths: routes, trajectories, traversability, planning."""
 
-from .arrival import Arrivals as Arrivals
 from .arrival import arrivals as arrivals
 from .curves import Curve as Curve
-from .curves import trace_polyline as trace_polyline
-from .curves import trace_spline as trace_spline
 from .far import Blocks as Blocks
 from .far import blocks_of as blocks_of
 from .far import plan_far as plan_far

@@ -21,4 +21,3 @@ from .recorded.measures import picture_statistics as picture_statistics
 from .renewal import renew_report_page as renew_report_page
 from .section import Built as Built
 from .section import Section as Section
-from .section import take_map as take_map

@@ -1,6 +1,5 @@
 """Rovers: those of ours, and the user's from URDF, xacro or MJCF."""
 
-from .built_in import BuiltInRover as BuiltInRover
 from .built_in import GrouserSpec as GrouserSpec
 from .built_in import built_in_rovers as built_in_rovers
 from .catalogue import RoverChoice as RoverChoice

@@ -42,7 +42,6 @@ from .materials import MaterialSpec as MaterialSpec
 from .materials import check_materials as check_materials
 from .orthoimage import OrthoimageSpec as OrthoimageSpec
 from .orthoimage import read_orthoimage as read_orthoimage
-from .statistics import TerrainStatistics as TerrainStatistics
 from .statistics import radial_spectrum as radial_spectrum
 from .statistics import rms_deviation as rms_deviation
 from .statistics import slope_statistics as slope_statistics

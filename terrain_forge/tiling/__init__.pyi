@@ -9,7 +9,6 @@ from .checking import validate_site as validate_site
 from .cutting import cut_world as cut_world
 from .joining import begin_site as begin_site
 from .making import make_tile as make_tile
-from .order import TileOrder as TileOrder
 from .order import is_site as is_site
 from .order import load_order as load_order
 from .order import order_tiles as order_tiles

@@ -4,7 +4,6 @@ from .bundle import write_truth as write_truth
 from .craters import craters_of as craters_of
 from .materials import MATERIALS as MATERIALS
 from .materials import merge_materials as merge_materials
-from .merging import merge_counts as merge_counts
 from .merging import write_merged as write_merged
 from .rasters import rock_rasters as rock_rasters
 from .size_frequency import shape_figures as shape_figures
