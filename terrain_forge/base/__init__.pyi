@@ -36,6 +36,7 @@ from .explaining import dotted as dotted
 from .figures import own_style as own_style
 from .frames import compass_to_direction as compass_to_direction
 from .frames import image_rows as image_rows
+from .frames import inverse_pose as inverse_pose
 from .frames import linear_from_srgb as linear_from_srgb
 from .frames import matrix_from_quaternion as matrix_from_quaternion
 from .frames import placed as placed

@@ -102,10 +102,16 @@ def quaternion_from_matrix(rotation: Array) -> Array:
 
 
 def placed(position: Array, rotation: Array) -> Array:
-    """The 4 x 4 matrix of a position [m] and a rotation matrix."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation, position
-    return matrix
+    """Homogeneous matrices, shape [..., 4, 4], of places [m] and rotation matrices."""
+    found = np.zeros((*np.shape(position)[:-1], 4, 4))
+    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = rotation, position, 1.0
+    return found
+
+
+def inverse_pose(pose: Array) -> Array:
+    """The inverse of rigid transforms, shape [..., 4, 4]."""
+    back = np.swapaxes(pose[..., :3, :3], -1, -2)
+    return placed(-portable.product(back, pose[..., :3, 3:])[..., 0], back)
 
 
 def rpy_from_quaternion(quaternion: Array) -> Array:

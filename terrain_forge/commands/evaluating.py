@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
 from terrain_forge.base import OutputError
-from terrain_forge.terminal import SCORING, Command, Display, Number, Numbers
+from terrain_forge.terminal import (
+    FAILED_CHECK,
+    SCORING,
+    WRONG_INPUT,
+    Command,
+    Display,
+    Number,
+    Numbers,
+    say,
+)
+
+if TYPE_CHECKING:
+    from terrain_forge.evaluation import MapScore, Result, ScoreOptions
+
 
 _FILES = {"truth", "estimates", "stamps", "changes", "out", "force"}
 """Options that serve where files are scored."""
@@ -104,25 +119,24 @@ def evaluate(
     from terrain_forge import report
     from terrain_forge.evaluation import (
         chosen_systems,
+        find_system,
+        install_system,
         read_options,
         require_no_tables,
         require_place,
-    )
-    from terrain_forge.terminal import (
-        install_named,
-        list_systems,
-        tell_maps,
-        tell_scores,
-        tell_systems,
+        system_lines,
     )
 
     options = read_options(changes)
     if listed:
         _require_effect({"listed"}, beside="--list")
-        return list_systems()
+        for line in system_lines():
+            say(line)
+        return 0
     if install:
         _require_effect({"install"}, beside="--install")
-        return install_named(install)
+        say(f"{install}: installed in {install_system(find_system(install))}")
+        return 0
     running = bool(systems or binaries or not maps)
     if truth or estimates:
         _require_effect(_FILES, beside="--truth and --estimate")
@@ -133,7 +147,7 @@ def evaluate(
     if out and not force:
         require_no_tables(out)
     if truth and estimates:
-        return tell_scores(truth, (*estimates, *paths), options=options, out=out, stamps=stamps)
+        return _tell_scores(truth, (*estimates, *paths), options=options, out=out, stamps=stamps)
     if truth or estimates or len(paths) != 1:
         raise OutputError("evaluate needs OUT, a recorded world, or --truth and --estimate")
     status = 0
@@ -144,14 +158,64 @@ def evaluate(
                 paths[0], chosen, runs=runs, options=options, force=force, timeout_s=timeout,
                 progress=display,
             )  # fmt: skip
-        status = tell_systems(paths[0], results, out=out)
+        status = _tell_systems(paths[0], results, out=out)
     if maps:
         with Display(report.MAP_STAGES) as display:
             scores = report.evaluate_maps(
                 paths[0], maps, area=area, cell=cell, force=force, progress=display
             )
-        tell_maps(scores, out=out)
+        _tell_maps(scores, out=out)
     return status
+
+
+def _tell_systems(world: Path, results: Sequence[Result], *, out: Path | None) -> int:
+    """Say how well systems did on a world's recording; returns the status."""
+    from terrain_forge import evaluation
+    from terrain_forge.datasets import open_recording
+
+    for line in evaluation.result_lines(results):
+        say(line)
+    if out:
+        recording = open_recording(world)
+        for path in evaluation.write_results(results, out):
+            say(str(path))
+        for path in evaluation.write_paper_table(recording, results, out):
+            say(str(path))
+    if any(one.score for one in results):
+        return 0
+    say("terrain-forge: no run of any system could be scored", err=True)
+    return FAILED_CHECK
+
+
+def _tell_maps(scores: Sequence[MapScore], *, out: Path | None) -> None:
+    """Say how well maps show a world."""
+    from terrain_forge import evaluation
+
+    for line in evaluation.table_lines(evaluation.map_rows(scores)):
+        say(line)
+    for path in evaluation.write_maps(scores, out) if out else ():
+        say(str(path))
+
+
+def _tell_scores(
+    truth: Path,
+    estimates: Sequence[Path],
+    *,
+    options: ScoreOptions,
+    out: Path | None,
+    stamps: Path | None = None,
+) -> int:
+    """Score trajectories of files and say how well they did; returns the command's status."""
+    from terrain_forge import evaluation
+
+    scores, failures = evaluation.score_files(truth, estimates, options, stamps=stamps)
+    for line in evaluation.score_lines(scores) if scores else ():
+        say(line)
+    for path in evaluation.write_scores(scores, out, failures=failures) if out else ():
+        say(str(path))
+    for _, why in failures:
+        say(f"terrain-forge: {why}", err=True)
+    return WRONG_INPUT if failures else 0
 
 
 def _require_effect(serving: set[str], *, beside: str = "") -> None:

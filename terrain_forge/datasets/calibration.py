@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from textwrap import fill
 
-from terrain_forge.base import portable, quaternion_from_matrix
-from terrain_forge.datasets.poses import inverse_pose
+from terrain_forge.base import inverse_pose, portable, quaternion_from_matrix
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedSensor
 from terrain_forge.datasets.systems.kalibr import kalibr_files

@@ -7,7 +7,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
+from terrain_forge.base import inverse_pose
+from terrain_forge.datasets.poses import Poses, Stamps
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
 

@@ -12,26 +12,13 @@ from terrain_forge.base import (
     Array,
     DataError,
     matrix_from_quaternion,
+    placed,
     portable,
     quaternion_from_matrix,
     xyzw,
 )
 
 Stamps = NDArray[np.int64]
-
-
-def pose_matrix(position: Array, rotation: Array) -> Array:
-    """Homogeneous matrices, shape [..., 4, 4], of places [m] and rotations."""
-    found = np.zeros((*position.shape[:-1], 4, 4))
-    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = rotation, position, 1.0
-    return found
-
-
-def inverse_pose(pose: Array) -> Array:
-    """The inverse of rigid transforms, shape [..., 4, 4]."""
-    back = np.swapaxes(pose[..., :3, :3], -1, -2)
-    place = -portable.product(back, pose[..., :3, 3:])[..., 0]
-    return pose_matrix(place, back)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +45,7 @@ class Poses:
     @cached_property
     def matrices(self) -> Array:
         """From the frame to the one that its place is told in, shape [times, 4, 4]."""
-        return pose_matrix(self.position, matrix_from_quaternion(self.quaternion))
+        return placed(self.position, matrix_from_quaternion(self.quaternion))
 
     def carrying(self, frame: Array) -> Poses:
         """The poses of a frame that is fixed to this one, at a pose of shape [4, 4] in it."""

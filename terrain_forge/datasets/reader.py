@@ -18,12 +18,13 @@ from terrain_forge.base import (
     DataError,
     ExportError,
     checked,
+    inverse_pose,
     portable,
     read_lines,
     read_text,
     reading,
 )
-from terrain_forge.datasets.poses import Poses, Stamps, inverse_pose
+from terrain_forge.datasets.poses import Poses, Stamps
 from terrain_forge.datasets.streams import (
     RecordedCamera,
     RecordedLidar,

@@ -16,6 +16,7 @@ from terrain_forge.base import (
     Progress,
     RecipeError,
     Spec,
+    inverse_pose,
     portable,
     quaternion_from_matrix,
 )
@@ -27,7 +28,7 @@ from terrain_forge.datasets.clouds import (
     point_size,
 )
 from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
-from terrain_forge.datasets.poses import Poses, inverse_pose, rates, velocities
+from terrain_forge.datasets.poses import Poses, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
 from terrain_forge.datasets.ros_frames import WORLD, frames_of, is_own
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, is_file_name, placed, portable, returning
+from terrain_forge.base import Array, inverse_pose, is_file_name, placed, portable, returning
 from terrain_forge.model import Sensor
 from terrain_forge.sensors import OPTICAL, Frames, Instrument, State, Stream
 
@@ -123,6 +123,4 @@ def from_body(folder: Folder, body: Folder | None) -> Array:
     """From a folder's frame to the body's where the rover stands, shape [4, 4]."""
     if body is None:
         return folder.at_rest
-    turn, place = body.at_rest[:3, :3], body.at_rest[:3, 3]
-    back = placed(-portable.product(turn.T, place[:, None])[:, 0], turn.T)
-    return np.asarray(portable.product(back, folder.at_rest))
+    return portable.product(inverse_pose(body.at_rest), folder.at_rest)

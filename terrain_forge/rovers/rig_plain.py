@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from terrain_forge.base import placed, portable
+from terrain_forge.base import inverse_pose
 from terrain_forge.model import Sensor
 from terrain_forge.rovers.catalogue import RoverChoice, resolve_rover
 from terrain_forge.rovers.custom import FoundRover
@@ -44,6 +44,4 @@ def _as_told(sensor: Sensor, found: FoundRover) -> Sensor:
     if sensor.link not in found.frames:
         return sensor
     _, pose = found.frames[sensor.link]
-    turn = pose[:3, :3].T
-    back = placed(-portable.product(turn, pose[:3, 3]), turn)
-    return told_in(sensor, sensor.link, back)
+    return told_in(sensor, sensor.link, inverse_pose(pose))

@@ -36,10 +36,6 @@ from .outcome import tell_preview as tell_preview
 from .outcome import tell_recording as tell_recording
 from .outcome import tell_validation as tell_validation
 from .running import FAILED_CHECK as FAILED_CHECK
+from .running import WRONG_INPUT as WRONG_INPUT
 from .running import run_command as run_command
 from .running import run_process as run_process
-from .scoring import install_named as install_named
-from .scoring import list_systems as list_systems
-from .scoring import tell_maps as tell_maps
-from .scoring import tell_scores as tell_scores
-from .scoring import tell_systems as tell_systems

@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Len, Predicate
 from pydantic import BeforeValidator
 
-from terrain_forge.base import Array, FileName, Progress, Spec, portable
+from terrain_forge.base import Array, FileName, Progress, Spec, inverse_pose, portable
 from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import LidarMotion
 from terrain_forge.datasets.pictures import (
@@ -20,7 +20,7 @@ from terrain_forge.datasets.pictures import (
     straight_stream,
     write_picture,
 )
-from terrain_forge.datasets.poses import Poses, inverse_pose
+from terrain_forge.datasets.poses import Poses
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.sizes import Footprint
 from terrain_forge.datasets.streams import RecordedLidar

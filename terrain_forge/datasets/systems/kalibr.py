@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import Array, portable
-from terrain_forge.datasets.poses import inverse_pose
+from terrain_forge.base import Array, inverse_pose, portable
 from terrain_forge.datasets.streams import RecordedCamera
 from terrain_forge.datasets.systems.rig import Rig, four, model_of
 from terrain_forge.datasets.systems.texts import OPENCV, lines, nested, remark, row

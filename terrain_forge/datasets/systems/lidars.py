@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terrain_forge.base import portable
+from terrain_forge.base import inverse_pose, portable
 from terrain_forge.datasets.clouds import layout_of
-from terrain_forge.datasets.poses import inverse_pose
 from terrain_forge.datasets.ros import projection_of
 from terrain_forge.datasets.ros_frames import frames_of
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar
