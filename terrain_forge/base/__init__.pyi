@@ -100,6 +100,7 @@ from .seeds import poisson as poisson
 from .seeds import stage_key as stage_key
 from .seeds import uniform as uniform
 from .seeds import uniforms as uniforms
+from .seeds import uniforms_at as uniforms_at
 from .seeds import zigzag as zigzag
 from .specs import BY_KIND as BY_KIND
 from .specs import FARTHEST as FARTHEST

@@ -87,6 +87,15 @@ def uniforms(key, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def uniforms_at(addresses, word):  # type: ignore[no-untyped-def]
+    """Uniforms in (0, 1) of a word after each of some hashed addresses, shape [addresses]."""
+    drawn = np.empty(len(addresses))
+    for n in range(len(addresses)):
+        drawn[n] = uniform(mix(addresses[n], word))
+    return drawn
+
+
+@kernel
 def normals(key, count):  # type: ignore[no-untyped-def]
     """Standard normal numbers of the addresses 0 … count - 1 under a key, shape [count]."""
     drawn = np.empty(count)

@@ -11,7 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import OutputError, RecipeError, complaint
+from terrain_forge.base import OutputError, RecipeError, complaint, type_adapter
 from terrain_forge.evaluation import Adapter
 from terrain_forge.recipe import RecipeFile, input_paths, recipe_json
 from terrain_forge.recipe import sha256 as digest_of
@@ -126,23 +126,16 @@ def _record(file: StudyFile, levels: Mapping[str, Level]) -> RecordSpec:
     """Which part is recorded at some levels."""
     from pydantic import ValidationError
 
-    spec = file.spec.record
+    spec, adapter = file.spec.record, type_adapter(RecordSpec)
     for name, level in levels.items():
         told = {k.removeprefix(RECORD): v for k, v in level.changes if k.startswith(RECORD)}
         plain = plain_of(spec) | told
         try:
-            spec = _record_adapter().validate_json(json.dumps(plain), strict=True)
+            spec = adapter.validate_json(json.dumps(plain), strict=True)
         except ValidationError as error:
-            why = complaint(error, _record_adapter(), plain)
+            why = complaint(error, adapter, plain)
             raise RecipeError(f"{file.place('study', name)}: {name}: {RECORD}{why}") from None
     return spec
-
-
-@cache
-def _record_adapter() -> Any:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(RecordSpec)
 
 
 @cache

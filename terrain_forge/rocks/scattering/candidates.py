@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, portable, stage_key
+from terrain_forge.base import Array, portable, stage_key, uniforms_at
 from terrain_forge.model import RockLibrary, Site, Table
 from terrain_forge.rocks.arrangement import Clustered
 from terrain_forge.rocks.populations import MAX_ROCKS, PopulationSpec, RockListSpec
@@ -25,7 +25,6 @@ from terrain_forge.rocks.scattering.cells import (
     Cells,
     Region,
     addresses,
-    draw,
     words,
 )
 from terrain_forge.rocks.scattering.clusters import TRUNCATION, Parents, offspring
@@ -91,7 +90,7 @@ def draw_class(
         if size_class.bounds is not None:
             bound = drawn_in.cut(size_class.bounds).ravel()[cell]
         likely = weights(intensity, size_class.population, xy, diameter)
-        kept = draw(address, KEEP) * bound < likely
+        kept = uniforms_at(address, KEEP) * bound < likely
         ids, address, xy, cell = ids[kept], address[kept], xy[kept], cell[kept]
         diameter = diameter[kept]
     if size_class.parents is None and drawing is not cells:
@@ -100,15 +99,15 @@ def draw_class(
     shapes = shapes_of(population.families, library, ("rocks", "populations"))
     shallow, deep = population.buried_fraction
     dynamic = is_dynamic(population, diameter)
-    buried = shallow + (deep - shallow) * draw(address, BURIED)
+    buried = shallow + (deep - shallow) * uniforms_at(address, BURIED)
     drawn = Candidates(
         id=ids,
         population=np.full(len(ids), size_class.population),
         address=address,
         xy=xy,
         diameter=diameter,
-        prototype=shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)],
-        yaw=2.0 * np.pi * draw(address, YAW),
+        prototype=shapes[(uniforms_at(address, PROTOTYPE) * len(shapes)).astype(np.int64)],
+        yaw=2.0 * np.pi * uniforms_at(address, YAW),
         buried=np.where(dynamic, 0.0, buried),
         dynamic=dynamic,
     )
@@ -120,8 +119,8 @@ def _in_cells(size_class: SizeClass, region: Region, site: Site) -> _Unthinned:
     cells, counts = size_class.drawing, size_class.counts_of(region)
     rows, columns = np.indices(counts.shape).reshape(2, -1).repeat(counts.ravel(), axis=1)
     address = addresses(size_class.key, region.column, region.row, np.ascontiguousarray(counts))
-    x = site.west + (region.column + columns + draw(address, EAST)) * cells.side[0]
-    y = site.south + (region.row + rows + draw(address, NORTH)) * cells.side[1]
+    x = site.west + (region.column + columns + uniforms_at(address, EAST)) * cells.side[0]
+    y = site.south + (region.row + rows + uniforms_at(address, NORTH)) * cells.side[1]
     ids = _numbered(size_class.ids_of(region), counts)
     return ids, address, np.column_stack([x, y]), rows * region.columns + columns
 
@@ -176,7 +175,7 @@ def draw_list(
     shapes = shapes_of(spec.families, library, ("rocks", "lists", number))
     prototype = _column(table, "prototype")
     if prototype is None:
-        prototype = shapes[(draw(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
+        prototype = shapes[(uniforms_at(address, PROTOTYPE) * len(shapes)).astype(np.int64)]
     yaw, buried = _column(table, "yaw_deg"), _column(table, "buried_fraction")
     shallow, deep = spec.buried_fraction
     drawn = Candidates(
@@ -186,8 +185,10 @@ def draw_list(
         xy=np.column_stack([table.column("x_m"), table.column("y_m")]),
         diameter=table.column("diameter_m"),
         prototype=prototype.astype(np.int64),
-        yaw=2.0 * np.pi * draw(address, YAW) if yaw is None else np.radians(yaw),
-        buried=shallow + (deep - shallow) * draw(address, BURIED) if buried is None else buried,
+        yaw=2.0 * np.pi * uniforms_at(address, YAW) if yaw is None else np.radians(yaw),
+        buried=shallow + (deep - shallow) * uniforms_at(address, BURIED)
+        if buried is None
+        else buried,
         dynamic=np.zeros(count, np.bool_),
     )
     octave = np.floor(portable.log2(drawn.diameter / drawn.diameter.min(initial=np.inf)))

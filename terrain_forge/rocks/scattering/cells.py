@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import kernel, mix, poisson, uniform
+from terrain_forge.base import kernel, mix, poisson
 from terrain_forge.model import Site
 
 Rectangle = tuple[float, float, float, float]
@@ -208,12 +208,3 @@ def words(address, what):  # type: ignore[no-untyped-def]
     for n in range(len(address)):
         found[n] = mix(address[n], what)
     return found
-
-
-@kernel
-def draw(address, what):  # type: ignore[no-untyped-def]
-    """A uniform number in (0, 1) for each address."""
-    drawn = np.empty(len(address))
-    for n in range(len(address)):
-        drawn[n] = uniform(mix(address[n], what))
-    return drawn

@@ -19,6 +19,7 @@ from terrain_forge.base import (
     poisson,
     rectangle_distance,
     uniform,
+    uniforms_at,
     zigzag,
 )
 from terrain_forge.terrain.cratering.degradation import REACH
@@ -63,7 +64,7 @@ def draw_craters(population: Population, *, key: np.uint64, area: Rectangle) -> 
     kept &= (diameter >= smallest) & (diameter <= largest)
     ids, diameter = ids[kept], diameter[kept]
     chronology, age = population.chronology, population.production.age_ga
-    gathered = _uniforms(ids, _AGE) * population.part(diameter) * float(chronology.number(age))
+    gathered = uniforms_at(ids, _AGE) * population.part(diameter) * float(chronology.number(age))
     ages = age_of(gathered, age, chronology.burst, chronology.rate, chronology.steady)
     return Drawn(id=ids, xy=xy[kept], diameter=diameter, age=ages)
 
@@ -131,14 +132,6 @@ def _sizes(wanted, diameter, number):  # type: ignore[no-untyped-def]
         share = min(max(share, 0.0), 1.0)
         found[n] = diameter[low] * (diameter[high] / diameter[low]) ** share
     return found
-
-
-@kernel
-def _uniforms(address, what):  # type: ignore[no-untyped-def]
-    drawn = np.empty(len(address))
-    for n in range(len(address)):
-        drawn[n] = uniform(mix(address[n], what))
-    return drawn
 
 
 @kernel
