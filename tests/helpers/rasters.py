@@ -38,9 +38,9 @@ def write_raster(folder, values, *, crs=EQC, transform=None, **profile):
             file.units = (units,)
 
 
-def plan(folder, spec=SPEC, *, body=MARS, spacing=1.0):
+def plan(folder, spec=SPEC, *, body=MARS, spacing=1.0, heights=None):
     """The site of a DTM and its ground."""
-    found = survey(spec, body=body, folder=folder, heights=None)
+    found = survey(spec, body=body, folder=folder, heights=heights)
     site = worlds.site().replace(size=spec.size_m, spacing=spacing, body=body, **vars(found))
     return site, shape_ground(site=site, window=site.window, layers=())
 

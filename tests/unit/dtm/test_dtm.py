@@ -27,11 +27,11 @@ from terrain_forge.model import MARS, MOON, Site
 from terrain_forge.terrain import shape_ground
 from tests.helpers import worlds
 from tests.helpers.places import DATA, SAMPLES
+from tests.helpers.rasters import EQC, plan
 
 JEZERO = DATA / "mars" / "jezero_hirise_3p69m_1024.tif"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 
-EQC = "+proj=eqc +lat_ts=0 +lon_0=137.4 +R=3396190"
 POLAR = "+proj=stere +lat_0=90 +lat_ts=90 +lon_0=0 +R=3376200"
 
 
@@ -74,9 +74,7 @@ SPEC = RasterDtm(source="dtm.tif", size_m=(120.0, 80.0), noise="keep")
 
 def look(spec, folder, *, body=MARS, spacing=0.5, heights=None):
     """The site of a survey, and its ground."""
-    found = survey(spec, body=body, folder=folder, heights=heights)
-    site = worlds.site().replace(size=spec.size_m, spacing=spacing, body=body, **vars(found))
-    return site, shape_ground(site=site, window=site.window, layers=())
+    return plan(folder, spec, body=body, spacing=spacing, heights=heights)
 
 
 def rms(values):

@@ -24,8 +24,17 @@ from terrain_forge.terrain import Fractal, rms_deviation, shape_ground, terrain_
 from tests.helpers import worlds
 from tests.helpers.places import DATA, SAMPLES
 
-JEZERO = DATA / "mars" / "jezero_hirise_3p69m_1024.tif"
 LAGS = (1, 2, 3, 4)
+
+
+@pytest.fixture(scope="module")
+def jezero():
+    """Heights of a real DTM [m]."""
+    path = DATA / "mars" / "jezero_hirise_3p69m_1024.tif"
+    if not path.is_file():
+        pytest.skip("the real DTMs are not at hand")
+    with rasterio.open(path) as file:
+        return file.read(1).astype(float)
 
 
 @cache
@@ -245,11 +254,9 @@ def test_what_is_not_measured_does_not_tell_how_rough_the_ground_is(monkeypatch)
     assert asked[0].mean() > 0.9
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 @pytest.mark.parametrize("deviation", [0.7, 1.0])
-def test_noise_over_two_posts_is_found_on_a_real_dtm(deviation):
-    with rasterio.open(JEZERO) as file:
-        truth = averaged(file.read(1)[200:712, 250:762].astype(float), 4)
+def test_noise_over_two_posts_is_found_on_a_real_dtm(jezero, deviation):
+    truth = averaged(jezero[200:712, 250:762], 4)
     noisy = truth + matcher_noise(truth.shape, deviation, 2)
     floor = find_noise(noisy, 14.76, everywhere(noisy)).floor
     assert floor is not None
@@ -258,12 +265,10 @@ def test_noise_over_two_posts_is_found_on_a_real_dtm(deviation):
     assert rms_deviation(found, 1) == pytest.approx(rms_deviation(truth, 1), rel=0.15)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 @pytest.mark.parametrize("corner", [(0, 0), (0, 500), (200, 250), (384, 0), (384, 500)])
-def test_noise_of_narrow_windows_on_a_real_dtm_is_found_or_in_doubt(corner):
+def test_noise_of_narrow_windows_on_a_real_dtm_is_found_or_in_doubt(jezero, corner):
     row, column = corner
-    with rasterio.open(JEZERO) as file:
-        truth = averaged(file.read(1)[row : row + 512, column : column + 512].astype(float), 4)
+    truth = averaged(jezero[row : row + 512, column : column + 512], 4)
     noisy = truth + matcher_noise(truth.shape, 0.7, 0.6, seed=row + column)
     found = find_noise(noisy, 14.76, everywhere(noisy))
     deviation = found.doubt if found.floor is None else found.floor.deviation
@@ -298,12 +303,9 @@ def test_noise_that_is_in_doubt_is_warned_of_and_left(factor, window, deviation)
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
-def test_few_parts_of_a_real_dtm_are_in_doubt():
-    with rasterio.open(JEZERO) as file:
-        heights = file.read(1).astype(float)
+def test_few_parts_of_a_real_dtm_are_in_doubt(jezero):
     parts = [
-        averaged(heights[row : row + side, column : column + side], factor)
+        averaged(jezero[row : row + side, column : column + side], factor)
         for factor, side in ((1, 160), (2, 320), (4, 512))
         for row in range(0, 1025 - side, 128)
         for column in range(0, 1025 - side, 128)
@@ -402,12 +404,9 @@ def test_steps_of_a_clean_dtm_are_no_more_than_rounding(step):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
 @pytest.mark.parametrize("corner", [(0, 0), (0, 512), (512, 0), (512, 512)])
-def test_noise_over_a_real_dtm(corner):
-    with rasterio.open(JEZERO) as file:
-        heights = file.read(1).astype(float)
-    heights = heights[corner[0] : corner[0] + 400, corner[1] : corner[1] + 400]
+def test_noise_over_a_real_dtm(jezero, corner):
+    heights = jezero[corner[0] : corner[0] + 400, corner[1] : corner[1] + 400]
     assert find_noise(heights, 3.69, everywhere(heights)).floor is None
     noisy = heights + matcher_noise(heights.shape, 0.35, 3)
     found = denoised(noisy, find_noise(noisy, 3.69, everywhere(noisy)).floor, stage_key(1, "noise"))
@@ -416,12 +415,9 @@ def test_noise_over_a_real_dtm(corner):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real DTMs are not at hand")
-def test_parts_of_a_real_dtm_are_left_alone():
-    with rasterio.open(JEZERO) as file:
-        heights = file.read(1).astype(float)
+def test_parts_of_a_real_dtm_are_left_alone(jezero):
     parts = [
-        averaged(heights[row : row + size, column : column + size], factor)
+        averaged(jezero[row : row + size, column : column + size], factor)
         for size in (256, 400, 512)
         for row in range(0, 1025 - size, 128)
         for column in range(0, 1025 - size, 128)
