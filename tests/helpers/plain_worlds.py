@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -279,9 +278,6 @@ def read_points(folder: Path) -> Plain:
     columns = len(np.unique(x))
     grid = z.reshape(-1, columns)
     return Plain(ground=[triangles_of(x[:columns], y[::columns], grid)])
-
-
-Read = Callable[[Path], Plain]
 
 
 def heights_under(triangles: np.ndarray, points: np.ndarray, spacing: float) -> np.ndarray:

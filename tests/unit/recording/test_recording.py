@@ -146,6 +146,12 @@ def whole(world, tmp_path_factory):
     return out / "dataset", result
 
 
+def install(monkeypatch, **kinds):
+    """Have these formats be all that there are, beside the calibration."""
+    for module in (writer_file, formats_file):
+        monkeypatch.setattr(module, "dataset_kinds", lambda: {**kinds, "calibration": Calibration})
+
+
 def files(folder: Path) -> dict[str, bytes]:
     """All of a recording."""
     paths = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
@@ -423,9 +429,7 @@ class Counting(DatasetWriter):
 
 
 def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_path, monkeypatch):
-    kinds = {"counts": Counting, "calibration": Calibration}
-    for module in (writer_file, formats_file):
-        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    install(monkeypatch, counts=Counting)
     with pytest.raises(RecipeError, match=r"'count' \(did you mean 'counts'\?\), .*euroc, counts,"):
         tf.record(world, tmp_path, formats=("count",))
     with pytest.raises(RecipeError, match="greetings: unknown key 'greetings'"):
@@ -453,9 +457,7 @@ def test_formats_are_written_once_and_again_when_the_recording_grew(world, tmp_p
 
 
 def test_a_format_of_an_earlier_state_is_told(world, tmp_path, monkeypatch):
-    kinds = {"counts": Counting, "calibration": Calibration}
-    for module in (writer_file, formats_file):
-        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    install(monkeypatch, counts=Counting)
     first = tf.record(world, tmp_path, formats=("counts",), only=("eye",), end=2.0)
     assert first.stale == ()
     told = "counts is of an earlier state of this recording"
@@ -490,9 +492,7 @@ class Deep(Counting):
 
 
 def test_calibration_has_the_factor_of_tum(world, tmp_path, monkeypatch):
-    kinds = {"tum": Deep, "calibration": Calibration}
-    for module in (writer_file, formats_file):
-        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    install(monkeypatch, tum=Deep)
     options = {"depth_factor": 1000}
 
     def factor(**how):
@@ -506,9 +506,7 @@ def test_calibration_has_the_factor_of_tum(world, tmp_path, monkeypatch):
 
 
 def test_a_part_leaves_out_formats_of_the_recipe_that_it_cannot_have(world, tmp_path, monkeypatch):
-    kinds = {"counts": Counting, "calibration": Calibration}
-    for module in (writer_file, formats_file):
-        monkeypatch.setattr(module, "dataset_kinds", lambda: kinds)
+    install(monkeypatch, counts=Counting)
     recipe = replace(world.site.recipe, dataset=DatasetSpec(formats=("counts",)))
     wanting = world.replace(site=world.site.replace(recipe_json=recipe_json(recipe)))
     part = tf.record(wanting, tmp_path, only=("imu",), end=2.0)
