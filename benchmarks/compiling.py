@@ -34,10 +34,14 @@ def main() -> None:
         from numba.core import event
 
         from terrain_forge.base import compiling
+        from terrain_forge.base.listed import LISTED
         from terrain_forge.pipeline import build, record
         from terrain_forge.recipe import load_recipe
 
         compiling.unpack = lambda: False  # nor is what a wheel brings along taken
+        if arguments.write:  # what is listed may not be there any more
+            for file in LISTED.values():
+                file.write_text("{}")
         listener = _listener(event.Listener)
         event.register("numba:compile", listener)
         begin = time.process_time()
