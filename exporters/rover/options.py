@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import MinLen
 
-from terrain_forge.base import Positive, Spec
+from terrain_forge.base import Idle, Positive, RecipeError, Spec
 
 Format = Literal["urdf", "mjcf", "sdf", "usd"]
 
@@ -31,6 +32,18 @@ class Options(Spec):
     release: Literal["fortress", "harmonic"] = "fortress"
     """The oldest gz-sim that shall read the SDF: `fortress` writes SDF 1.9, `harmonic` SDF 1.11,
     which knows joints that follow others."""
+
+    def idle(self) -> Iterator[Idle]:
+        """What has no effect beside other options."""
+        for name, one in (("mesh_prefix", "urdf"), ("release", "sdf")):
+            if one not in self.formats:
+                yield Idle(name, f"{one} is none of the formats", refused=True)
+
+    def __post_init__(self) -> None:
+        for number, one in enumerate(self.formats):
+            if one in self.formats[:number]:
+                raise RecipeError(f"{one} is named twice", key=("formats",))
+        self.refuse_idle()
 
 
 def prepare(options: Options) -> None:

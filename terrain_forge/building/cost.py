@@ -49,6 +49,8 @@ CLOSE_TEXEL, CLOSE_SIZE = 4.2e-7, 0.7
 """Time [s] and bytes of each pixel of the ground near paths."""
 AGAIN = 2e-6
 """Time for each node of a tile that is made again for what lies near paths [s]."""
+BESIDE = 40.0
+"""Width along paths across tiles in which dynamic rocks are settled again [m]."""
 READ_SHAPE, SHAPE, CUT_SHAPE, CUT = 0.002, 0.035, 0.3, 2.0
 """Time for each shape of a library [s] to read it, make it, make it where hulls are to be closer
 than usual, of which some are cut up, and make the user's own."""
@@ -200,11 +202,12 @@ def _tiled_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float
     made = _sum(TILE, amounts) + exported_bytes(orders, site) * TILE_WRITING + dynamic * SETTLING
     planned = sum(map(_planned_length, site.recipe.paths))
     length = sum(route.length for route in site.routes) + planned
+    beside = min(BESIDE * length / (site.size[0] * site.size[1]), 1.0) * dynamic
     return {
         "plan": 0.45,
         LIBRARY: _library(site),
         "tiles": made,
-        "paths across tiles": FAR_PATH * length + FAR_PLAN * planned,
+        "paths across tiles": FAR_PATH * length + FAR_PLAN * planned + beside * SETTLING,
         "drive": _drives(site),
         "near paths": _near_paths(orders, site)[0],
         "joining": 0.5 + 0.025 * tiles,

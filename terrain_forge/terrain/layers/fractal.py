@@ -199,10 +199,8 @@ class Fractal(Layer):
     def facts(self, site: Site) -> Iterator[tuple[str, str]]:
         """The law of the detail, and whether there is any."""
         law = self.figures(site)
-        yield (
-            "roughness",
-            f"H = {law.hurst:.2f}, {law.deviation * 100:.2g} cm at 1 m ({law.source})",
-        )
+        rough = float(f"{law.deviation * 100:.2g}")
+        yield "roughness", f"H = {law.hurst:.2f}, {rough:g} cm at 1 m ({law.source})"
         if not len(self.octaves(site)):
             longest, shortest = self._ends(site)
             yield (

@@ -16,7 +16,7 @@ from terrain_forge.exporters.mjcf.rover import servo_gain
 from terrain_forge.exporters.rover import Options, export
 from terrain_forge.exporters.rover.readback import urdf_findings
 
-from terrain_forge.base import ExportError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.base import ExportError, RecipeError, matrix_from_quaternion, quaternion_from_rpy
 from terrain_forge.model import Coupling, simple_sensors
 from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
@@ -370,6 +370,19 @@ def test_only_the_chosen_formats_are_written(tmp_path):
     assert [path.name for path in folder.iterdir()] == ["skid4.usda"]
     folder, _ = exported(skid4(), tmp_path / "two", formats=("urdf",))
     assert {path.name for path in folder.iterdir()} == {"skid4.urdf", "skid4_controllers.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"formats": ("urdf", "urdf")}, "urdf is named twice"),
+        ({"formats": ("urdf",), "release": "harmonic"}, "sdf is none of the formats"),
+        ({"formats": ("usd",), "mesh_prefix": "package://a/"}, "urdf is none of the formats"),
+    ],
+)
+def test_formats_are_named_once_and_others_have_no_options(options, said):
+    with pytest.raises(RecipeError, match=said):
+        Options(**options)
 
 
 def test_mesh_paths_take_the_chosen_prefix(custom, tmp_path):

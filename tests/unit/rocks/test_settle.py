@@ -97,6 +97,21 @@ def test_nearly_all_come_to_rest_and_the_others_are_fixed(settled):
     assert settled.select(fixed).replace(dynamic=before.dynamic[fixed]) == before.select(fixed)
 
 
+def test_a_rock_that_lay_there_before_is_not_let_go_again(settled, monkeypatch):
+    """As beside a path across tiles; the least change of the ground beneath it counts."""
+    land, dynamic = ground(), np.arange(COUNT) % 2 > 0
+
+    def refuse(*given):
+        raise AssertionError("it is let go")
+
+    monkeypatch.setattr(settling, "simulation", refuse)
+    again = settle(rocks=laid(land, dynamic), library=LIBRARY, ground=land, gravity=GRAVITY)
+    assert again == settled
+    other = land.replace(elevation=land.elevation + np.float32(1e-4) * (land.east > 0.0))
+    with pytest.raises(AssertionError, match="let go"):
+        settle(rocks=laid(other, dynamic), library=LIBRARY, ground=other, gravity=GRAVITY)
+
+
 def test_diameters_are_exact(settled):
     """The mean of length and width of the whole outline in the settled pose, by brute force."""
     for n in np.flatnonzero(settled.dynamic):
