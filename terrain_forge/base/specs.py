@@ -262,6 +262,7 @@ def _read_anew(spec: Any) -> Any:
     """
     from pydantic import ValidationError
     from pydantic.errors import PydanticUserError
+    from pydantic_core import to_jsonable_python
 
     try:
         with trusting():  # what it makes of the values may use its own methods
@@ -269,8 +270,9 @@ def _read_anew(spec: Any) -> Any:
             adapter = type_adapter(kind)
             # What is wrong is told by reading it back, not by warnings of the writer.
             # JSON's own mode would make nothing of NaN where anything is allowed.
-            plain = adapter.dump_python(spec, warnings=False)
-            text = json.dumps(plain, ensure_ascii=False, default=_plain).encode()
+            found = adapter.dump_python(spec, warnings=False)
+            plain = to_jsonable_python(found, fallback=_plain)
+            text = json.dumps(plain, ensure_ascii=False).encode()
             return adapter.validate_json(text, strict=True)
     except PydanticUserError:  # of a class within a function, whose names only that knows
         return spec

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from enum import Enum
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from terrain_forge import (
@@ -16,6 +19,7 @@ from terrain_forge import (
     save_recipe,
 )
 from terrain_forge.recipe import export_orders, recipe_from_json, recipe_json
+from terrain_forge.rovers import FileRover
 from tests.helpers.places import ROOT
 
 HELLO = (ROOT / "recipes" / "hello.yaml").read_text(encoding="utf-8")
@@ -255,3 +259,23 @@ def test_options_made_in_python_are_as_finite_as_those_of_a_file():
     recipe = replace(load_recipe(ROOT / "recipes" / "hello.yaml").recipe, exports=nowhere)
     with pytest.raises(RecipeError, match=r"exports\.sdf\.friction: must be a finite number"):
         recipe.sound()
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ({"glb": {"a": Path("b/c")}}, {"glb": {"a": "b/c"}}),
+        ({"glb": {"a": Enum("Form", {"b": "c"})("c")}}, {"glb": {"a": "c"}}),
+        ({"glb": {"a": {1.5}}}, {"glb": {"a": [1.5]}}),
+        ({"glb": {"a": {np.int64(1): np.float32(0.5)}}}, {"glb": {"a": {"1": 0.5}}}),
+        ({Path("glb"): {"a": {(1, 2): 3}}}, {"glb": {"a": {"1,2": 3}}}),
+        ({"glb"}, ("glb",)),
+    ],
+)
+def test_values_made_in_python_are_what_they_are_in_a_file(given, read):
+    recipe = replace(load_recipe(ROOT / "recipes" / "hello.yaml").recipe, exports=given)
+    assert recipe.sound().exports == read
+
+
+def test_a_file_may_be_named_by_a_path():
+    assert FileRover(file=Path("a/b.urdf")).sound().file == "a/b.urdf"
