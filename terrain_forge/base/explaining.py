@@ -51,7 +51,7 @@ def complaint(error: ValidationError, adapter: TypeAdapter[Any], data: Any) -> C
     """
     # A misspelt key is also a missing one: the misspelling is what helps.
     unknown = "unexpected_keyword_argument"
-    first, *rest = sorted(_meant(error), key=lambda e: e["type"] != unknown)
+    first, *rest = sorted(_meant(error.errors()), key=lambda e: e["type"] != unknown)
     key = _real_key(data, first["loc"])
     there = [error for error in rest if _real_key(data, error["loc"]) == key]
     if first["type"] == unknown:
@@ -76,19 +76,29 @@ def _either(messages: list[str]) -> str:
     return f"must be {' or '.join(dict.fromkeys(wanted))}, found {found}"
 
 
-def _meant(error: ValidationError) -> list[Any]:
+def _meant(errors: list[Any], start: int = 1) -> list[Any]:
     """The errors without those of union members that the user did not mean.
 
     `exports` and `sensors` may be a list or a mapping; pydantic reports what is wrong with both.
+    Of their locations only what comes from step `start` on is looked at.
     """
-    errors = error.errors()
-    for one in errors:
-        depth = next((n for n, step in enumerate(one["loc"]) if str(step).startswith(_SHAPES)), 0)
-        if depth:
-            key = one["loc"][:depth]
-            inside = [e for e in errors if e["loc"][:depth] == key and len(e["loc"]) > depth + 1]
-            return inside or [{**one, "type": "list_or_mapping"}]
-    return errors
+    unions: set[tuple[str | int, ...]] = set()
+    for error in errors:
+        shapes = (n for n, step in enumerate(error["loc"]) if str(step).startswith(_SHAPES))
+        unions.update(error["loc"][:n] for n in shapes if n >= start)
+    alike: dict[Any, list[Any]] = {}
+    for number, error in enumerate(errors):
+        outermost = (error["loc"][:n] for n in range(start, len(error["loc"]) + 1))
+        key = next((part for part in outermost if part in unions), number)
+        alike.setdefault(key, []).append(error)
+    found = []
+    for key, there in alike.items():
+        if isinstance(key, int):
+            found += there
+            continue
+        inside = [error for error in there if len(error["loc"]) > len(key) + 1]
+        found += _meant(inside, len(key) + 1) or [{**there[0], "type": "list_or_mapping"}]
+    return found
 
 
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:

@@ -30,6 +30,13 @@ WRONG = [
     ({"sensors": [LIDAR]}, f"sensors[0]: {FAR}"),
     ({"sensors": {"add": [LIDAR]}}, f"sensors.add[0]: {FAR}"),
     (LAYER, "terrain.layers[0]: craters need a production function, a file, or both"),
+    ({"exports": 5, "dataset": {"fromats": 6}}, "dataset.fromats: unknown key 'fromats'"),
+    ({"exports": 5, "dataset": {"formats": 6}}, "mapping, found 5 (and 1 more)"),
+    ({"dataset": {"formats": 5, "motoin": "path"}}, "dataset.motoin: unknown key 'motoin'"),
+    (
+        {"dataset": {"still_s": "x", "formats": [5]}},
+        'dataset.still_s: must be a valid number, found "x" (and 1 more)',
+    ),
     ({"rover": {"kind": "file"}}, "rover.file: is missing"),
     ({"rover": {"kind": "file", "file": 3}}, "rover.file: must be a valid string, found 3"),
     ({"seed": list(range(100))}, "seed: must be a valid integer, found a list of 100"),
