@@ -21,6 +21,8 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields
 from hashlib import blake2b
 
 import numpy as np
@@ -32,10 +34,11 @@ from terrain_forge.base import (
     matrix_from_quaternion,
     mix,
     portable,
+    remembered,
     uniforms,
     worker_threads,
 )
-from terrain_forge.model import Heightfield, RockField, RockLibrary, Site
+from terrain_forge.model import Heightfield, RockField, RockLibrary, RockPrototype, Site
 from terrain_forge.rocks.embedding.burial import burial_ranges
 from terrain_forge.rocks.embedding.embed import embed
 from terrain_forge.rocks.embedding.footprint import fits, footprints
@@ -177,18 +180,31 @@ def _settled(rock: DynamicRock, grid: Lattice, key: np.uint64) -> tuple[Pose, fl
     reach = DYNAMIC_SPACE * rock.prototype.reach * rock.diameter
     ground, place = piece(grid, centre=rock.position[:2], half_width=reach + grid.spacing)
     land = ground.elevation, ground.origin, ground.spacing, place
-    asked = pickle.dumps((rock, land, key, TRIES))
-    name = blake2b(asked, digest_size=16).digest()
-    if name not in _known:
-        if len(_known) >= _MOST_KNOWN:
-            _known.clear()
-        _known[name] = _tried(rock, ground, place, key)
-    return _known[name]
+    shape, *rest = rock
+    name = _hash((_shape_hash(shape), rest, land, key, TRIES))
+    with suppress(KeyError):  # another thread may empty it at any time
+        return _known[name]
+    found = _tried(rock, ground, place, key)
+    if len(_known) >= _MOST_KNOWN:
+        _known.clear()
+    _known[name] = found
+    return found
+
+
+@remembered
+def _shape_hash(prototype: RockPrototype) -> bytes:
+    """Of a shape's own fields: what else is remembered of it comes and goes."""
+    return _hash([getattr(prototype, field.name) for field in fields(prototype)])
+
+
+def _hash(what: object) -> bytes:
+    return blake2b(pickle.dumps(what), digest_size=16).digest()
 
 
 def _tried(
     rock: DynamicRock, ground: Heightfield, place: Array, key: np.uint64
 ) -> tuple[Pose, float] | None:
+    """As `_settled`, by letting the rock go on its piece of ground, which lies at `place`."""
     for attempt in range(TRIES):
         beside = np.zeros(3)
         if attempt >= len(_HALF_TURNS):

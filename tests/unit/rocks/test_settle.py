@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from scipy.stats import kstest
 
-from terrain_forge.base import RecipeError, matrix_from_quaternion
+from terrain_forge.base import RecipeError, matrix_from_quaternion, remembered
 from terrain_forge.building.cost import SETTLING, WATCHING, pace
 from terrain_forge.model import Heightfield, Mesh, exporter, rotations
 from terrain_forge.pipeline import check
@@ -105,6 +105,8 @@ def test_a_rock_that_lay_there_before_is_not_let_go_again(settled, monkeypatch):
         raise AssertionError("it is let go")
 
     monkeypatch.setattr(settling, "simulation", refuse)
+    for prototype in LIBRARY.prototypes:
+        remembered(lambda shape: shape.volume)(prototype)  # as other stages do
     again = settle(rocks=laid(land, dynamic), library=LIBRARY, ground=land, gravity=GRAVITY)
     assert again == settled
     other = land.replace(elevation=land.elevation + np.float32(1e-4) * (land.east > 0.0))
