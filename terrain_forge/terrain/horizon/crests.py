@@ -17,6 +17,7 @@ _COARSE = 1.5
 _LEAST = 5e-4
 """Height over the straight line between rings that makes a crest, over its distance."""
 _KNOWN = 0.99
+"""How far heights must be known there and on the rings beside it, 0 to 1."""
 
 
 def places_of(
@@ -31,7 +32,8 @@ def places_of(
     Args:
         rings: The rings.
         ground: What they lie around.
-        known_at: Heights over the ground's mean at places [m], and how far they are known.
+        known_at: Heights over an eye in the ground's middle at places [m], and how far they are
+            known.
     """
     places = [ring.points for ring in rings]
     for number, ring in enumerate(rings[1:-1], 1):
@@ -55,7 +57,9 @@ def _on_crests(
     last, here, following = known[:3]
     ends = np.where(parts[:, None] < 0.0, last, following)
     line = here + np.abs(parts)[:, None] * (ends - here)
-    far = np.sqrt((points * points).sum(axis=2))
+    west, south, east, north = ground.bounds
+    off = points - (0.5 * (west + east), 0.5 * (south + north))
+    far = np.sqrt((off * off).sum(axis=2))
     rise = known / far
     crest = (known - line > _LEAST * far) & (rise > rise[1]) & (weight.min(axis=0) > _KNOWN)
     crest[:3] = [[False], [True], [False]]

@@ -16,10 +16,12 @@ from terrain_forge.base import DataError, RecipeError, length_text
 from terrain_forge.building import site_lines
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm, followed_to
 from terrain_forge.making import make_horizon, plan
-from terrain_forge.model import World
+from terrain_forge.model import Heightfield, World
 from terrain_forge.recipe import Recipe
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal, heights_beyond, paint, shape_ground
+from terrain_forge.terrain.horizon.crests import places_of
+from terrain_forge.terrain.horizon.rings import rings_around
 from tests.helpers import worlds
 from tests.helpers.recipes import flat
 from tests.helpers.surfaces import random_points
@@ -136,6 +138,23 @@ def test_the_skyline_is_that_of_the_model_where_its_ridges_fall_between_rings(tm
     assert tops[1].min() > 4.0
     assert np.median(wrong) < 0.25
     assert wrong.max() < 0.5
+
+
+def test_crests_are_those_that_a_parts_own_middle_sees():
+    """A part of a site lies anywhere on it; so does the land around it here."""
+    size = np.zeros((41, 61))
+    found = []
+    for east, north in ((0.0, 0.0), (512.0, -256.0)):
+        ground = Heightfield(elevation=size, spacing=1.0, origin=(east - 30.0, north - 20.0))
+        middle = np.array([east, north])
+
+        def known_at(points, middle=middle):
+            x, y = (points - middle).T
+            return ridges(x, y) + 0.05 * x, np.ones(len(points))
+
+        rings = rings_around(ground, 3000.0)
+        found.append(np.concatenate(places_of(rings, ground, known_at)) - middle)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
 
 
 def test_heights_under_points_are_those_of_the_triangles(tmp_path):
