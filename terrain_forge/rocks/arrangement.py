@@ -12,7 +12,17 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike
 
-from terrain_forge.base import BY_KIND, Array, FileName, Idle, Pair, Positive, Spec, portable
+from terrain_forge.base import (
+    BY_KIND,
+    Array,
+    FileName,
+    Idle,
+    Pair,
+    Positive,
+    Spec,
+    portable,
+    unchanging,
+)
 from terrain_forge.rocks.around_craters import (
     FARTHEST,
     INTERIOR,
@@ -22,7 +32,8 @@ from terrain_forge.rocks.around_craters import (
     throwers,
 )
 
-_RIM_POINTS = 72
+_RIM_POINTS, _AT_ONCE = 72, 4096
+"""Points on a crater's rim, and craters that are looked at together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,23 +120,28 @@ class AroundCraters(Spec):
     def table(self) -> Array:
         """East, north, radius [m], strength, largest rock [m] of each crater, shape [craters, 5].
 
-        Craters are few in recipes that people write, but a layer may have a hundred thousand.
+        Made once, since a layer may have a hundred thousand.
         """
         rows = [
             (*c.centre_m, 0.5 * c.diameter_m, c.strength, c.largest_rock_m) for c in self.craters
         ]
-        return np.array(rows, np.float64).reshape(-1, 5)
+        return unchanging(np.array(rows, np.float64).reshape(-1, 5))
 
     @cached_property
     def densest(self) -> float:
         """The largest density on any rim over that of the law."""
         angle = 2.0 * pi * np.arange(_RIM_POINTS) / _RIM_POINTS
-        x, y, radius = self.table[:, :3].T[:, :, None]
-        east = x + radius * (1.0 + 1e-9) * np.cos(angle)
-        north = y + radius * (1.0 + 1e-9) * np.sin(angle)
-        bounds = np.array([east.min(), north.min(), east.max(), north.max()])
-        rims = np.column_stack([east.ravel(), north.ravel()])
-        return float(densities(throwers([self.table], bounds), rims).max())
+        x, y, radius = self.table[:, :3].T
+        far = radius * (1.0 + 1e-9)
+        bounds = [(x - far).min(), (y - far).min(), (x + far).max(), (y + far).max()]
+        thrown = throwers([self.table], np.array(bounds))
+        found = 0.0
+        for first in range(0, len(x), _AT_ONCE):
+            part = np.s_[first : first + _AT_ONCE, None]
+            east, north = x[part] + far[part] * np.cos(angle), y[part] + far[part] * np.sin(angle)
+            rims = np.column_stack([east.ravel(), north.ravel()])
+            found = max(found, float(densities(thrown, rims).max()))
+        return found
 
     def idle(self) -> Iterator[Idle]:
         """Which craters of a layer, where they are listed one by one."""

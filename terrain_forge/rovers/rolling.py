@@ -329,8 +329,8 @@ def measure_belly(bodies: Iterable[Body], *, radius: float, step_limit: float | 
     solids = [(body, pose, shape) for body in bodies for pose, shape in body.solids]
     spans = []
     for body, pose, shape in [one for one in solids if one[2].collides] or solids:
-        placed = portable.product(body.placement, pose)
-        heights = outline(shape, placed[:3, :3], placed[:3, 3])[:, 2]
+        whole = portable.product(body.placement, pose)
+        heights = outline(shape, whole[:3, :3], whole[:3, 3])[:, 2]
         spans.append((float(np.min(heights)), float(np.max(heights)), body.name))
     above = [low for low, _, _ in spans if low > _TOUCHES * radius]
     dragged = [_DRAGGED * (high - low) for low, high, _ in spans if low <= _TOUCHES * radius]
