@@ -135,6 +135,17 @@ def test_a_place_asks_the_craters_that_reach_it():
     assert crowding(around) == pytest.approx(most, rel=1e-12)
 
 
+@pytest.mark.parametrize("number", [3, 977, 3000])
+def test_expected_area_around_many_craters_is_as_sure_as_around_few(number):
+    """The fewer points around each of many are not all wrong in the same way."""
+    where = np.random.default_rng(4).uniform((-28, -23), (28, 23), (number, 2)).tolist()
+    craters = tuple(Crater(centre_m=(x, y), diameter_m=1.0) for x, y in where)
+    spec = sand(arrangement=AroundCraters(craters=craters))
+    wanted = number * craters[0].effective_area
+    found = expected(spec, site=site(), window=site().window).area
+    assert found == pytest.approx(wanted, rel=1e-4)
+
+
 def test_expected_area_around_a_crater():
     """π R² (0.05 + 2 ∫ x exp((1 - x) / 0.7) dx from 1 to 2), half of it in half of the site."""
     crater = Crater(centre_m=(0.0, 1.0), diameter_m=20.0)
