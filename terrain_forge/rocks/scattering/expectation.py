@@ -149,22 +149,22 @@ def _weights_of(xy: Array, intensity: Intensity, site: Site) -> Array:
 
 
 def _around(crater: Array, intensity: Intensity, site: Site, area: Rectangle, points: int) -> float:
-    """Integral of the weight of one crater, a row of `Throwers.crater`, over an area [m²].
-
-    On rings of equal width, one of which ends at the rim: there the density jumps, and few cells
-    of a square grid would be wrong by the same 2 % at each crater.
-    """
-    (x, y, radius), rings = crater[:3].tolist(), round(points / FARTHEST)
-    width, turn = radius / rings, 2.0 * np.pi / points
-    away = width * (np.arange(round(FARTHEST * rings)) + 0.5)
-    angle = turn * (np.arange(points) + 0.5)
-    xy = np.column_stack(
-        [x + np.outer(away, np.cos(angle)).ravel(), y + np.outer(away, np.sin(angle)).ravel()]
-    )
-    cell = np.repeat(away * (width * turn), points)
-    inside = ((xy >= area[:2]) & (xy <= area[2:])).all(axis=1)
+    """Integral of the weight of one crater, a row of `Throwers.crater`, over an area [m²]."""
     alone = intensity._replace(thrown=throwers([crater[None]], intensity.bounds))
-    return float((_weights_of(xy[inside], alone, site) * cell[inside]).sum())
+    (x, y), reach = crater[:2].tolist(), FARTHEST * float(crater[2])
+    whole = x - reach, y - reach, x + reach, y + reach
+    inner = *np.maximum(whole[:2], area[:2]).tolist(), *np.minimum(whole[2:], area[2:]).tolist()
+    if inner != whole:
+        return _grid(inner, alone, site, points)[2]
+    # On rings, one of which ends at the rim, where the density jumps: few cells of a square grid
+    # would be wrong by the same 2 % at each crater.
+    width, turn = float(crater[2]) / round(points / FARTHEST), 2.0 * np.pi / points
+    away = np.arange(0.5 * width, reach, width)
+    angle = np.arange(points) * turn
+    east, north = np.outer(away, np.cos(angle)), np.outer(away, np.sin(angle))
+    xy = np.column_stack([x + east.ravel(), y + north.ravel()])
+    weight = _weights_of(xy, alone, site).reshape(east.shape)
+    return float((weight.sum(axis=1) * away).sum() * (width * turn))
 
 
 def _cluster_variance(clusters: Clustered, weight: Array, step: tuple[float, float]) -> float:

@@ -146,6 +146,21 @@ def test_expected_area_around_many_craters_is_as_sure_as_around_few(number):
     assert found == pytest.approx(wanted, rel=1e-4)
 
 
+def test_expected_area_of_a_small_part_of_large_craters():
+    """Some of their rims cross the window, whose share of them is a thousandth."""
+    centres = [(40.0, 30.0), (-90.0, 10.0), (5.0, -120.0)]
+    craters = tuple(Crater(centre_m=centre, diameter_m=100.0) for centre in centres)
+    spec = sand(arrangement=AroundCraters(craters=craters))
+    window = Window(column=100, row=90, columns=40, rows=20)
+    west, south = (axis[0] for axis in site().axes(window))
+    side = site().spacing
+    east, north = (np.arange(20 * n) + 0.5 for n in (window.columns, window.rows))
+    x, y = np.meshgrid(west + side / 20 * east, south + side / 20 * north)
+    wanted = sum(float(crater.weight(x, y).sum()) for crater in craters) * (side / 20) ** 2
+    found = expected(spec, site=site(), window=window).area
+    assert found == pytest.approx(wanted, rel=1e-3)
+
+
 def test_expected_area_around_a_crater():
     """π R² (0.05 + 2 ∫ x exp((1 - x) / 0.7) dx from 1 to 2), half of it in half of the site."""
     crater = Crater(centre_m=(0.0, 1.0), diameter_m=20.0)
