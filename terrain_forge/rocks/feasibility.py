@@ -83,7 +83,7 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     """Rocks that a population is expected to have on a site, at most.
 
     Density images, slope limits, corridors and exclusion zones, which thin them out, are left
-    aside, and so is that craters lie partly outside or in one another.
+    aside.
     """
     smallest, largest = population.diameters
     if not isinstance(population.arrangement, AroundCraters):
@@ -92,7 +92,7 @@ def expected_count(population: PopulationSpec, size: Size) -> float:
     craters = population.arrangement.craters
     ends = np.clip([crater.largest_rock_m for crater in craters], smallest, largest)
     number = law.cumulative_number(smallest) - law.cumulative_number(ends)
-    return float(portable.product(number, [crater.effective_area for crater in craters]))
+    return float(portable.product(number, population.arrangement.areas_within(size)))
 
 
 def check_lists(rocks: RocksSpec, lists: tuple[Table, ...], *, size: Size) -> None:
@@ -267,11 +267,10 @@ def _check_craters(population: PopulationSpec, size: Size, key: Key) -> None:
         )
     if expected_count(population, size) == 0.0:
         most = max(c.largest_rock_m * (c.strength > 0.0) for c in craters)
-        raise RecipeError(
-            f"no rock is left around these craters: they are too old, or their largest rocks of "
-            f"{most:.3g} m are smaller than {population.diameters[0]:g} m",
-            key=key,
-        )
+        why = f"their largest rocks of {most:.3g} m are smaller than {population.diameters[0]:g} m"
+        if most == 0.0:
+            why = "they are too old"
+        raise RecipeError(f"no rock is left around these craters: {why}", key=key)
 
 
 def _on_site(centre: tuple[float, float], radius: float, size: Size) -> bool:
