@@ -124,12 +124,15 @@ def _level(
     if not (np.isfinite(column).all() and np.isfinite(row).all()):
         return None
     wide, high = np.ptp(column), np.ptp(row)
-    step = max(int(max(wide, high) / _POSTS), 1)
-    top, down, *above = _span(row, raster.shape[0], step)
-    left, across, *beside = _span(column, raster.shape[1], step, goes_round=raster.goes_round)
+    if raster.goes_round and wide > 0.5 * raster.shape[1]:
+        return None  # a pole lies within: there are no samples across it
+    # Each axis by itself: a window near a pole has many columns and few rows.
+    steps = tall, broad = max(int(high / _POSTS), 1), max(int(wide / _POSTS), 1)
+    top, down, *above = _span(row, raster.shape[0], tall)
+    left, across, *beside = _span(column, raster.shape[1], broad, goes_round=raster.goes_round)
     if min(down, across) < _FEWEST:
         return None
-    read = _read(raster, slice(top, top + down * step), slice(left, left + across * step), step)
+    read = _read(raster, slice(top, top + down * tall), slice(left, left + across * broad), steps)
     if read is None:
         return None
     heights, known = read
@@ -140,21 +143,21 @@ def _level(
     valid = np.pad(known, more)
     heights = np.pad(fill_holes(heights, known), more, mode="edge")
     a, b, c, d, e, f = to_pixel
-    half_step = 0.5 * (step - 1)
     level = FarHeights(
         heights=heights.astype(np.float32),
         weight=_weight(valid, followed=followed).astype(np.float32),
         to_pixel=(
-            a / step, b / step, (c - left - half_step) / step + more[1][0],
-            d / step, e / step, (f - top - half_step) / step + more[0][0],
+            a / broad, b / broad, (c - left - 0.5 * (broad - 1)) / broad + more[1][0],
+            d / tall, e / tall, (f - top - 0.5 * (tall - 1)) / tall + more[0][0],
         ),
         crs=raster.crs,
         wrap=whole.wrap,
         reach=half,
-        posting=2.0 * half * step / float(min(wide, high)),
+        posting=2.0 * half * max(tall / float(high), broad / float(wide)),
         source=PurePath(source).name,
     )  # fmt: skip
-    faded = 2.0 * min(_FADE * step / max(min(wide, high), 1e-9), 0.25)
+    part = max(tall / max(float(high), 1e-9), broad / max(float(wide), 1e-9))
+    faded = 2.0 * min(_FADE * part, 0.25)
     column, row = patch_pixels(whole, crs, *((1.0 - faded) * half * _AROUND))
     rows, columns = raster.shape
     on = (row >= 0.0) & (row <= rows - 1) & (column >= 0.0) & (column <= columns - 1)
@@ -176,51 +179,58 @@ def _span(
     return begin, count, (begin - first) // step, max(last - begin - count * step, 0) // step
 
 
-def _read(raster: Raster, rows: slice, columns: slice, step: int) -> tuple[Array, Mask] | None:
-    """Heights [m] of blocks of step × step samples, and which are measured."""
+def _read(
+    raster: Raster, rows: slice, columns: slice, steps: tuple[int, int]
+) -> tuple[Array, Mask] | None:
+    """Heights [m] of blocks of so many samples down and across, and which are measured."""
     from rasterio.windows import Window
 
-    shape = (rows.stop - rows.start) // step, (columns.stop - columns.start) // step
+    tall, broad = steps
+    shape = (rows.stop - rows.start) // tall, (columns.stop - columns.start) // broad
     dataset, band, pieces = raster.dataset, raster.band, raster.pieces(columns)
-    needed = shape[0] * shape[1] * step * step
+    needed = shape[0] * shape[1] * tall * broad
     if needed <= _AVERAGED or (len(pieces) > 1 and needed <= _MOST):
         windows = [Window.from_slices(rows, piece) for piece in pieces]
         read = [dataset.read(band, window=window) for window in windows]
         masks = [dataset.read_masks(band, window=window) for window in windows]
         values = np.concatenate(read, axis=1).astype(np.float64)
         valid = raster.valid(values, np.concatenate(masks, axis=1))
-        blocks = (shape[0], step, shape[1], step)
+        blocks = (shape[0], tall, shape[1], broad)
         count = valid.reshape(blocks).sum(axis=(1, 3))
         total = np.where(valid, values, 0.0).reshape(blocks).sum(axis=(1, 3))
-        known = 2 * count > step * step
+        known = 2 * count > tall * broad
         values = np.where(known, total / np.maximum(count, 1), 0.0)
     else:
-        if len(pieces) > 1 or _decoded(dataset, band, rows, columns, step) > _MOST:
+        if len(pieces) > 1 or _decoded(dataset, band, rows, columns, steps) > _MOST:
             return None
         window = Window.from_slices(rows, columns)
         values = dataset.read(band, window=window, out_shape=shape).astype(np.float64)
         known = raster.valid(values, dataset.read_masks(band, window=window, out_shape=shape))
-    rise = _datum_rise(raster, rows.start, columns.start, shape, step)
+    rise = _datum_rise(raster, rows.start, columns.start, shape, steps)
     return np.where(known, raster.heights(values) - rise, 0.0), known
 
 
-def _decoded(dataset: Any, band: int, rows: slice, columns: slice, step: int) -> float:
+def _decoded(dataset: Any, band: int, rows: slice, columns: slice, steps: tuple[int, int]) -> float:
     """Samples that are decoded to read every so manieth one; overviews are read if there are."""
-    overviews = [factor for factor in dataset.overviews(band) if factor <= step]
+    tall, broad = steps
+    overviews = [factor for factor in dataset.overviews(band) if factor <= min(steps)]
     finer = max(overviews, default=1)
     down, across = dataset.block_shapes[band - 1]
     high, wide = (rows.stop - rows.start) / finer, (columns.stop - columns.start) / finer
-    left = max(step // finer, 1)
-    return float(ceil(high / max(down, left)) * down * ceil(wide / max(across, left)) * across)
+    down_left, across_left = max(tall // finer, 1), max(broad // finer, 1)
+    blocks = ceil(high / max(down, down_left)) * ceil(wide / max(across, across_left))
+    return float(blocks * down * across)
 
 
 def _datum_rise(
-    raster: Raster, top: int, left: int, shape: tuple[int, int], step: int
+    raster: Raster, top: int, left: int, shape: tuple[int, int], steps: tuple[int, int]
 ) -> Array | float:
     """Radius of the ellipsoid at each sample above that at the raster's middle [m], for radii."""
     if raster.is_round:
         return 0.0
-    rows, columns = (np.arange(n) * step + 0.5 * (step - 1) for n in shape)
+    rows, columns = (
+        np.arange(n) * step + 0.5 * (step - 1) for n, step in zip(shape, steps, strict=True)
+    )
     return raster.datum_rise_at(columns + left, rows + top)
 
 

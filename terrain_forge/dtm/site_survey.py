@@ -123,7 +123,7 @@ def _require_near(horizon: HorizonSpec, body: Body) -> None:
     most = _FARTHEST * body.mean_radius
     if horizon.reach_m is not None and horizon.reach_m > most:
         raise RecipeError(
-            f"{horizon.reach_m:g} m: at most {most:.4g} m, a quarter of the radius of "
+            f"{horizon.reach_m:g} m: at most {int(most):d} m, a quarter of the radius of "
             f"{body.name}; without it the ground goes on to the true horizon",
             key=("horizon", "reach_m"),
         )

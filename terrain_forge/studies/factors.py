@@ -170,6 +170,11 @@ class Base:
         changes, ends = [*self._given, f"seed={seed}"], {}
         for name, level in factors.items():
             for key, value in level.changes:
+                if key.partition(".")[0] == "exports":
+                    raise RecipeError(
+                        f"{self._file.place('study', name)}: {key}: must not differ: nothing that "
+                        "a study measures hangs on exports"
+                    )
                 if not key.startswith(RECORD):
                     changes += self._written(key, value)
             ends[name] = len(changes)

@@ -88,8 +88,16 @@ def make_intensity(populations: tuple[PopulationSpec, ...], site: Site) -> Inten
     """The weights of all populations; slopes are not known yet (`with_slopes`).
 
     Raises:
+        RecipeError: if a population's craters are those of a layer, which `plan` finds.
         DataError: if an image has a value that is no density, or none that is above 0.
     """
+    for number, population in enumerate(populations):
+        if isinstance(population.arrangement, AroundCraters) and population.arrangement.layer:
+            raise RecipeError(
+                f"the craters of layer {population.arrangement.layer!r} are not known yet: take "
+                "the populations of a planned site, site.recipe.rocks.populations",
+                key=("rocks", "populations", number, "arrangement"),
+            )
     images = [_image(population, n, site) for n, population in enumerate(populations)]
     around = [isinstance(p.arrangement, AroundCraters) for p in populations]
     tables = [getattr(p.arrangement, "table", np.zeros((0, 5))) for p in populations]

@@ -91,7 +91,8 @@ def rings_around(ground: Lattice, reach: float) -> list[Ring]:
         first = np.cumsum([0, *(len(part) - 1 for part in rings[-1].parts)])[:-1]
         perimeter = 2.0 * sum(sides) + 8.0 * away
         cell = perimeter / sum(len(part) - 1 for part in parts)
-        away += max(cell, _GROWTH * away)
+        step = max(cell, _GROWTH * away)
+        away = reach if away + 1.5 * step > reach else away + step
         keep = np.concatenate([f + rows for f, rows in zip(first, kept, strict=True)])
         rings.append(Ring(away, cell, parts, keep, ring_points(ground, parts, away)))
     return rings

@@ -453,3 +453,12 @@ def test_expected_count_around_craters_is_the_integral_of_their_weight():
     expected = area * (number[0] - number[1])
     assert expected_count(spec, SIZE) == pytest.approx(expected, rel=5e-3)
     assert expected_rocks(recipe(spec, replace(spec, name="b"))) == 2 * expected_count(spec, SIZE)
+
+
+def test_expected_count_at_the_rim_of_a_crater_larger_than_the_site():
+    crater = Crater(centre_m=(-3000.0, 1.0), diameter_m=6000.0)
+    spec = population(arrangement=AroundCraters(craters=(crater,)), diameter_m=(0.2, 9.0))
+    east = np.linspace(-20, 20, 2001)
+    share = crater.weight(east[None, :], east[:, None]).mean()
+    alike = expected_count(population(diameter_m=(0.2, 9.0)), SIZE)
+    assert expected_count(spec, SIZE) == pytest.approx(share * alike, rel=0.02)

@@ -154,6 +154,7 @@ def test_a_rig_that_the_rover_brings_has_factors_too(written, tmp_path):
     ("change", "told"),
     [
         (("rocks.k", "rocks.cover"), r"slip.yaml:6: rocks.cover: .* unknown key 'cover'"),
+        (("rocks.k", "exports.mjcf.horizon"), r"slip.yaml:6: exports.mjcf.horizon: must not dif"),
         (("sensors.wheels.slip", "sensors.wheel.slip"), r":5: sensors.wheel.slip: plain.yaml: "),
         (("[0.01, 0.03]", "[0.01, -3]"), r":6: rocks.k: .* than or equal to 0\.0+1, found -3"),
         (("[0.01, 0.03]", "0.03"), r":6: rocks.k: must be a list of values, or a mapping"),

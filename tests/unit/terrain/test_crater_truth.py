@@ -18,7 +18,14 @@ from terrain_forge.pipeline import realise
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.ground import Craters as CratersSection
-from terrain_forge.rocks import Golombek, LibrarySpec, PopulationSpec, RocksSpec
+from terrain_forge.rocks import (
+    Golombek,
+    LibrarySpec,
+    PopulationSpec,
+    RocksSpec,
+    make_library,
+    scatter,
+)
 from terrain_forge.rocks.arrangement import AroundCraters
 from terrain_forge.rocks.scattering import layer_craters
 from terrain_forge.terrain import (
@@ -82,6 +89,20 @@ def test_rocks_around_a_layer_that_cannot_be(monkeypatch):
         planned(layer="craters", smallest_crater_m=2.0)
     with pytest.raises(ValueError, match="one of craters and layer"):
         AroundCraters()
+
+
+def test_rocks_of_a_layers_craters_are_scattered_once_these_are_known():
+    around = AroundCraters(layer="craters", smallest_crater_m=12.0)
+    blocks = PopulationSpec(
+        name="blocks",
+        size_frequency=Golombek(k=0.02),
+        diameter_m=(0.1, 0.8),
+        arrangement=around,
+    )
+    site = plan(recipe(layer()))
+    library = make_library(LibrarySpec(shapes=2))
+    with pytest.raises(RecipeError, match=r"craters of layer 'craters' are not known yet"):
+        scatter(site=site, populations=(blocks,), library=library, window=site.window)
 
 
 def test_young_ejecta_are_bright():

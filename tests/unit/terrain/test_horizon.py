@@ -235,6 +235,35 @@ def test_each_sample_near_the_site_counts_where_meridians_converge(tmp_path, lat
     assert min(nearest.heights.shape) >= 40
 
 
+@pytest.mark.parametrize("latitude", [78.0, -82.0, 85.0])
+def test_rows_are_followed_as_finely_as_they_are_near_a_pole(tmp_path, latitude):
+    """Where a window has many columns and few rows; and no window goes on across the pole."""
+    rows, step = 720, np.radians(0.25) * RADIUS
+    north = rows * step / 2
+    with rasterio.open(
+        tmp_path / "globe.tif", "w", driver="GTiff", height=rows, width=2 * rows, count=1, crs=CRS,
+        dtype="float32", transform=rasterio.Affine(step, 0, -rows * step, 0, -step, north),
+    ) as file:  # fmt: skip
+        z = 3000.0 * np.sin((np.arange(rows) + 0.5) / 2.0)  # three degrees from ridge to ridge
+        file.write(np.tile(z[:, None], (1, 2 * rows)).astype(np.float32), 1)
+    dtm = FlatDtm(size_m=(40.0, 40.0), lonlat_deg=(20.0, latitude))
+    site = plan(recipe(dtm, HorizonSpec(dtm="globe.tif")), folder=tmp_path)
+    assert len(site.surroundings) > 1
+    to_pole = np.radians(90.0 - abs(latitude)) * RADIUS
+    for level in site.surroundings:
+        assert np.ptp(level.heights, axis=0).max() > 5500.0
+        assert level.reach < to_pole
+
+
+def test_the_land_reaches_as_far_as_is_wanted():
+    for reach in (0.3, 5.0, 49.0, 3000.0):
+        wanted = recipe(FlatDtm(size_m=(32.0, 24.0)), HorizonSpec(reach_m=reach))
+        _, _, horizon = made(wanted, Path())
+        assert horizon.reach == reach
+        west, south = horizon.mesh.vertices[:, :2].min(axis=0)
+        assert (west, south) == pytest.approx((-16.0 - reach, -12.0 - reach))
+
+
 def test_a_horizon_is_not_beyond_the_body():
     at_most = HorizonSpec(reach_m=0.2499 * 3389500.0)
     assert plan(recipe(FlatDtm(size_m=(8.0, 8.0)), at_most)).surroundings == ()
