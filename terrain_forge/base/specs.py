@@ -285,4 +285,6 @@ def _read_anew(spec: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """What JSON holds of a value that it does not know."""
+    if isinstance(value, np.longdouble):  # whose own list holds it again
+        return float(value)
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)

@@ -84,10 +84,15 @@ def embed(
         which ones are yet to be settled.
 
     Raises:
-        ValueError: if the centre of a rock lies off the ground, or a density is masked.
+        ValueError: if the centre of a rock lies off the ground, or a density is none.
     """
     if np.ma.is_masked(density):
         raise ValueError("densities that are masked: a number for each population")
+    given, count = np.asarray(density, np.float64), len(scattered.populations)
+    if given.shape != (count,) or not ((given > 0.0) & (given < np.inf)).all():
+        raise ValueError(
+            f"densities {given.tolist()}: must be {count} above 0, one for each population"
+        )
     x, y = scattered.xy[:, 0], scattered.xy[:, 1]
     if not np.all(ground.covers(x, y)):
         raise ValueError(f"rocks lie off the ground (west, south, east, north: {ground.bounds})")
