@@ -370,3 +370,10 @@ def test_rocks_off_the_ground_are_refused(laid):
     part = ground(site, Window(column=0, row=0, columns=100, rows=100))
     with pytest.raises(ValueError, match="off the ground"):
         embed(scattered=scattered, library=LIBRARY, ground=part, density=DENSITY)
+
+
+@pytest.mark.parametrize("density", [(), (2900.0,), (2900.0, -5.0), (2900.0, np.inf)])
+def test_each_population_has_a_density_above_0(laid, density):
+    land, scattered, _ = laid
+    with pytest.raises(ValueError, match="must be 2 above 0, one for each population"):
+        embed(scattered=scattered, library=LIBRARY, ground=land, density=density)
