@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import MinLen
 from numpy.typing import NDArray
 
-from terrain_forge.base import Idle, RecipeError, Spec, portable
+from terrain_forge.base import Idle, Spec, portable, refuse_twice
 from terrain_forge.geometry import grid_normals, with_horizon_loss
 from terrain_forge.model import ExportReport, Heightfield, Site, Tile, TileGrid, World, merge
 from terrain_forge.truth import disjoint, rock_rasters
@@ -50,9 +50,7 @@ class Options(Spec):
             yield Idle("heights", "no product holds heights")
 
     def __post_init__(self) -> None:
-        for number, product in enumerate(self.products):
-            if product in self.products[:number]:
-                raise RecipeError(f"{product} is named twice", key=("products",))
+        refuse_twice(self.products, ("products",))
 
 
 def export(world: World, directory: Path, *, options: Options) -> ExportReport:

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import MinLen
 
-from terrain_forge.base import Idle, Positive, RecipeError, Spec
+from terrain_forge.base import Idle, Positive, Spec, refuse_twice
 
 Format = Literal["urdf", "mjcf", "sdf", "usd"]
 
@@ -40,9 +40,7 @@ class Options(Spec):
                 yield Idle(name, f"{one} is none of the formats", refused=True)
 
     def __post_init__(self) -> None:
-        for number, one in enumerate(self.formats):
-            if one in self.formats[:number]:
-                raise RecipeError(f"{one} is named twice", key=("formats",))
+        refuse_twice(self.formats, ("formats",))
         self.refuse_idle()
 
 

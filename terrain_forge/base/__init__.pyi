@@ -125,6 +125,7 @@ from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
+from .specs import refuse_twice as refuse_twice
 from .specs import refused_name as refused_name
 from .specs import type_adapter as type_adapter
 from .storage import require_disk as require_disk

@@ -29,6 +29,7 @@ from typing import (
 import numpy as np
 from annotated_types import Interval, Len, MinLen, Predicate
 
+from terrain_forge.base.arrays import Key
 from terrain_forge.base.errors import RecipeError
 from terrain_forge.base.explaining import complaint
 from terrain_forge.base.given import checked, trusting
@@ -85,6 +86,19 @@ def refused_name(name: str, taken: Collection[str], whole: str) -> str:
         return ""
     allowed = f"up to {MAX_NAME} characters without / \\ : commas, a leading dot or control ones"
     return f"{name[:MAX_NAME]!r} cannot name a folder, choose another name: {allowed}"
+
+
+def refuse_twice(names: Collection[str], key: Key) -> None:
+    """Refuse a name that a list of a key has more than once.
+
+    Raises:
+        RecipeError: names the first.
+    """
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise RecipeError(f"{name} is named twice", key=key)
+        seen.add(name)
 
 
 @dataclass(frozen=True)

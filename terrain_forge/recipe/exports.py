@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from terrain_forge.base import RecipeError, complaint, dotted, type_adapter
+from terrain_forge.base import RecipeError, complaint, dotted, refuse_twice, type_adapter
 from terrain_forge.model import Exporter, exporter, refused_folder
 from terrain_forge.recipe.schema import Recipe
 
@@ -33,8 +33,7 @@ def export_orders(recipe: Recipe) -> tuple[ExportOrder, ...]:
     """
     exports = recipe.exports
     if not isinstance(exports, dict):
-        if len(set(exports)) < len(exports):
-            raise RecipeError("a format is named twice", key=("exports",))
+        refuse_twice(exports, ("exports",))
         exports = {name: {} for name in exports}
     orders = tuple(_order(folder, dict(options)) for folder, options in exports.items())
     for other, order in combinations(orders, 2):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from terrain_forge.base import Progress, RecipeError, hint_at
+from terrain_forge.base import Progress, RecipeError, hint_at, refuse_twice
 from terrain_forge.datasets import (
     FORMATS,
     checked_options,
@@ -30,11 +30,10 @@ def formats_of(spec: DatasetSpec) -> dict[str, Mapping[str, Any]]:
     Raises:
         RecipeError: for one that is not installed, or an option that it does not have.
     """
+    refuse_twice(spec.formats, ("dataset", "formats"))
     asked: Mapping[str, Mapping[str, Any]] = (
         spec.formats if isinstance(spec.formats, dict) else {name: {} for name in spec.formats}
     )
-    if len(asked) < len(spec.formats):
-        raise RecipeError("a format is named twice", key=("dataset", "formats"))
     known = dataset_kinds()
     for name, options in asked.items():
         if name in known:

@@ -16,6 +16,7 @@ from terrain_forge.paths import curves, recorded, routes
 from terrain_forge.recipe import file, worlds
 from terrain_forge.rocks import populations
 from terrain_forge.rocks.laws import counts
+from terrain_forge.rocks.scattering import layer_craters
 from terrain_forge.rocks.shapes import custom_mesh
 
 PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
@@ -48,7 +49,7 @@ ROWS = {
     f"{routes.MOST_SAMPLES:,} samples",
     "rocks": f"{populations.MAX_POPULATIONS} populations and lists; "
     f"{0.9 * populations.MAX_ROCKS:,.0f} rocks of each, or {populations.MOST_ROCKS:,.0f} evenly "
-    "spread ones in all",
+    f"spread ones in all; around {layer_craters.MAX_CRATERS:,} of a layer's craters",
     "a world": "what the machine's memory holds, by the estimate of `terrain-forge check`",
     "many worlds": f"{worlds.MOST_WORLDS:,} of a series; a scene of a `--grid` of as many, and "
     "what memory holds; goals within half of a world's diagonal",

@@ -41,17 +41,20 @@ from terrain_forge.validation.checks.truth import Craters as CratersCheck
 from tests.helpers.craters import ALPHA, everywhere, layer, listed, near, recipe
 
 
-def test_rocks_lie_around_the_craters_of_a_layer():
-    around = AroundCraters(layer="craters", smallest_crater_m=12.0)
-    blocks = PopulationSpec(
+def blocks(largest=0.8, **around):
+    """Rocks around craters, by default those of `layer` from 12 m up."""
+    around = around or {"layer": "craters", "smallest_crater_m": 12.0}
+    return PopulationSpec(
         name="blocks",
         size_frequency=Golombek(k=0.02),
-        diameter_m=(0.1, 0.8),
-        arrangement=around,
+        diameter_m=(0.1, largest),
+        arrangement=AroundCraters(**around),
     )
-    site = plan(
-        recipe(layer(), rocks=RocksSpec(library=LibrarySpec(shapes=2), populations=(blocks,)))
-    )
+
+
+def test_rocks_lie_around_the_craters_of_a_layer():
+    rocks = RocksSpec(library=LibrarySpec(shapes=2), populations=(blocks(),))
+    site = plan(recipe(layer(), rocks=rocks))
     (spec,) = site.recipe.rocks.populations
     craters = everywhere(layer(), site)
     near = craters.select((craters.diameter >= 12.0) & (craters.wear < 1.0))
@@ -71,13 +74,7 @@ def test_rocks_lie_around_the_craters_of_a_layer():
 
 def test_rocks_around_a_layer_that_cannot_be(monkeypatch):
     def planned(**more):
-        blocks = PopulationSpec(
-            name="blocks",
-            size_frequency=Golombek(k=0.02),
-            diameter_m=(0.1, 2.0),
-            arrangement=AroundCraters(**more),
-        )
-        rocks = RocksSpec(populations=(blocks,))
+        rocks = RocksSpec(populations=(blocks(2.0, **more),))
         return plan(recipe(layer(), rocks=rocks, dtm=FlatDtm(size_m=(200.0, 200.0))))
 
     with pytest.raises(RecipeError, match="no layer of craters is called 'mine', there are: crat"):
@@ -92,17 +89,10 @@ def test_rocks_around_a_layer_that_cannot_be(monkeypatch):
 
 
 def test_rocks_of_a_layers_craters_are_scattered_once_these_are_known():
-    around = AroundCraters(layer="craters", smallest_crater_m=12.0)
-    blocks = PopulationSpec(
-        name="blocks",
-        size_frequency=Golombek(k=0.02),
-        diameter_m=(0.1, 0.8),
-        arrangement=around,
-    )
     site = plan(recipe(layer()))
     library = make_library(LibrarySpec(shapes=2))
     with pytest.raises(RecipeError, match=r"craters of layer 'craters' are not known yet"):
-        scatter(site=site, populations=(blocks,), library=library, window=site.window)
+        scatter(site=site, populations=(blocks(),), library=library, window=site.window)
 
 
 def test_young_ejecta_are_bright():
