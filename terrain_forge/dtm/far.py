@@ -143,6 +143,7 @@ def _level(
     valid = np.pad(known, more)
     heights = np.pad(fill_holes(heights, known), more, mode="edge")
     a, b, c, d, e, f = to_pixel
+    part = max(tall / float(high), broad / float(wide))  # of the window from sample to sample
     level = FarHeights(
         heights=heights.astype(np.float32),
         weight=_weight(valid, followed=followed).astype(np.float32),
@@ -153,10 +154,9 @@ def _level(
         crs=raster.crs,
         wrap=whole.wrap,
         reach=half,
-        posting=2.0 * half * max(tall / float(high), broad / float(wide)),
+        posting=2.0 * half * part,
         source=PurePath(source).name,
     )  # fmt: skip
-    part = max(tall / max(float(high), 1e-9), broad / max(float(wide), 1e-9))
     faded = 2.0 * min(_FADE * part, 0.25)
     column, row = patch_pixels(whole, crs, *((1.0 - faded) * half * _AROUND))
     rows, columns = raster.shape
