@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter, ValidationError
 
 _SHAPES = ("tuple[", "dict[")
+_MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
 _UNION = (*_SHAPES, "literal[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
 _LONGEST = 60
@@ -59,7 +60,18 @@ def complaint(error: ValidationError, adapter: TypeAdapter[Any], data: Any) -> C
     else:
         words = _either([_words(error, key) for error in (first, *there)])
     others = [error for error in rest if key[: len(at := _real_key(data, error["loc"]))] != at]
+    if first["type"] in _MISSING:
+        beside = [e for e in others if e["type"] in _MISSING and e["loc"][:-1] == first["loc"][:-1]]
+        words += _named_too([str(error["loc"][-1]) for error in beside])
+        others = [error for error in others if error not in beside]
     return Complaint(key, words, len(others))
+
+
+def _named_too(names: list[str]) -> str:
+    """That other keys of a mapping are missing too."""
+    if len(names) < 2:
+        return "".join(f", and so is {name}" for name in names)
+    return f", and so are {', '.join(names[:-1])} and {names[-1]}"
 
 
 def dotted(key: Key) -> str:
@@ -135,6 +147,11 @@ def _words(error: Any, key: Key) -> str:
         case "tuple_type" | "list_type":
             what = "tuple" if isinstance(found, list) else "list"
             return f"must be a {what}, found {_shown(found)}"
+        case "string_type" if isinstance(found, dict) and _in_list_or_mapping(error["loc"]):
+            return (
+                "must be a name; for options write a mapping from names to options in place of "
+                f"the list, found a mapping of {', '.join(map(str, found)) or 'nothing'}"
+            )
         case "path_type":
             return f"must be a path, found {_shown(found)}"
         case "too_short" if "min_length" in context:
@@ -145,7 +162,7 @@ def _words(error: Any, key: Key) -> str:
             return "must not be empty"
         case "string_too_long":
             return f"takes at most {context['max_length']} characters, has {len(found)}"
-        case "missing" | "missing_argument" | "missing_keyword_only_argument":
+        case kind if kind in _MISSING:
             return "is missing"
         case "union_tag_invalid":
             kinds = context["expected_tags"]
@@ -174,6 +191,11 @@ def _words(error: Any, key: Key) -> str:
             # What is wrong with a whole mapping names its keys itself.
             return why if isinstance(found, dict) else f"{why}, found {_shown(found)}"
     return f"must be {error['msg'].removeprefix('Input should be ')}, found {_shown(found)}"
+
+
+def _in_list_or_mapping(loc: tuple[str | int, ...]) -> bool:
+    """Whether a location is an entry of a list that may be a mapping too."""
+    return len(loc) > 1 and str(loc[-2]).startswith("tuple[")
 
 
 def _shown(found: Any) -> str:

@@ -38,6 +38,11 @@ WRONG = [
         'dataset.still_s: must be a valid number, found "x" (and 1 more)',
     ),
     ({"rover": {"kind": "file"}}, "rover.file: is missing"),
+    (
+        {"paths": [{"route": {"points_m": [[0, 0]]}}]},
+        "paths[0].name: is missing, and so is speed_m_s (and 1 more)",
+    ),
+    ({"exports": ["sdf", {"usd": {}}]}, "exports[1]: must be a name; for options write a mapping"),
     ({"rover": {"kind": "file", "file": 3}}, "rover.file: must be a valid string, found 3"),
     ({"seed": list(range(100))}, "seed: must be a valid integer, found a list of 100"),
     ({"seed": {f"word{n}": n for n in range(9)}}, "found a mapping of word0, word1, word2, word3"),
