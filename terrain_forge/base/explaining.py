@@ -57,6 +57,8 @@ def complaint(error: ValidationError, adapter: TypeAdapter[Any], data: Any) -> C
     there = [error for error in rest if _real_key(data, error["loc"]) == key]
     if first["type"] == unknown:
         words = _unknown_key(adapter.json_schema(), first["loc"])
+    elif first["type"] == "tuple_type" and not there:
+        words = _no_list(adapter.json_schema(), first)
     else:
         words = _either([_words(error, key) for error in (first, *there)])
     others = [error for error in rest if key[: len(at := _real_key(data, error["loc"]))] != at]
@@ -145,8 +147,7 @@ def _words(error: Any, key: Key) -> str:
         case "union_tag_not_found" | "union_tag_invalid" if not isinstance(found, dict):
             return f"must be a mapping of keys, found {_shown(found)}"
         case "tuple_type" | "list_type":
-            what = "tuple" if isinstance(found, list) else "list"
-            return f"must be a {what}, found {_shown(found)}"
+            return f"must be a {_list_for(found)}, found {_shown(found)}"
         case "string_type" if isinstance(found, dict) and _in_list_or_mapping(error["loc"]):
             return (
                 "must be a name; for options write a mapping from names to options in place of "
@@ -209,6 +210,21 @@ def _shown(found: Any) -> str:
     if isinstance(found, list | tuple):
         return f"a list of {len(found):,}"
     return f"{text[: _LONGEST - 3]}..."
+
+
+def _list_for(found: Any) -> str:
+    return "tuple" if isinstance(found, list) else "list"
+
+
+def _no_list(schema: dict[str, Any], error: Any) -> str:
+    """What is wrong with something in place of a list, and how long that must be."""
+    node = schema
+    for step in error["loc"]:
+        node = _descend(schema, node, step)
+    whole, found = _resolve(schema, node, "array"), error["input"]
+    least, most = whole.get("minItems", 0), whole.get("maxItems")
+    length = f" of {least}" if least == most else ""
+    return f"must be a {_list_for(found)}{length}, found {_shown(found)}"
 
 
 def _unknown_key(schema: dict[str, Any], loc: tuple[str | int, ...]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from dataclasses import dataclass, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -160,8 +161,8 @@ def exporter(name: str) -> Exporter:
     """
     found = plugins(EXPORTERS)
     if name not in found:
-        installed = f"installed: {', '.join(sorted(found))}"
-        raise RecipeError(f"unknown exporter {name!r}{hint_at(name, found)}, {installed}")
+        hint = hint_at(name, found) or _for_program(name)
+        raise RecipeError(f"unknown exporter {name!r}{hint}, installed: {', '.join(sorted(found))}")
     if refused := refused_folder(name):
         skip_plugin(found[name], EXPORTERS, refused)
     elif module := load_plugin(found[name], EXPORTERS):
@@ -171,6 +172,15 @@ def exporter(name: str) -> Exporter:
         skip_plugin(found[name], EXPORTERS, why)
     why = "; ".join(skipped(found[name], EXPORTERS))
     raise RecipeError(f"exporter {name!r} ({found[name].value}) is installed but broken: {why}")
+
+
+def _for_program(name: str) -> str:
+    """Which of our exporters is for a program or kind of files, such as `gazebo` or `stl`."""
+    for kind, point in sorted(plugins(EXPORTERS).items()):
+        module = load_plugin(point, EXPORTERS) if is_ours(point.value) else None
+        if module and re.search(rf"\b{re.escape(name)}\b", module.__doc__ or "", re.IGNORECASE):
+            return f" ({kind} is for it)"
+    return ""
 
 
 def _unfit(module: ModuleType) -> str:

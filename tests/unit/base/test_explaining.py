@@ -42,6 +42,8 @@ WRONG = [
         {"paths": [{"route": {"points_m": [[0, 0]]}}]},
         "paths[0].name: is missing, and so is speed_m_s (and 1 more)",
     ),
+    ({"dtm": {"kind": "flat", "size_m": 80}}, "dtm.size_m: must be a list of 2, found 80"),
+    ({"paths": 3}, "paths: must be a list, found 3"),
     ({"exports": ["sdf", {"usd": {}}]}, "exports[1]: must be a name; for options write a mapping"),
     ({"rover": {"kind": "file", "file": 3}}, "rover.file: must be a valid string, found 3"),
     ({"seed": list(range(100))}, "seed: must be a valid integer, found a list of 100"),

@@ -227,7 +227,7 @@ def test_write_world_takes_other_exports(cleared, tmp_path):
     result = tf.write_world(cleared, tmp_path / "out", exports=("geotiff",))
     assert list((result.directory / "geotiff").glob("*.tif"))
     assert not (result.directory / "sdf").exists()
-    with pytest.raises(tf.RecipeError, match="unknown exporter 'stl'"):
+    with pytest.raises(tf.RecipeError, match=r"unknown exporter 'stl' \(mesh is for it\)"):
         tf.write_world(cleared, tmp_path / "other", exports=("stl",))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "file").touch()
