@@ -24,7 +24,7 @@ from terrain_forge.scene import rock_tints
 from terrain_forge.writers import (
     ROCK,
     Gltf,
-    encode_png,
+    encode_texture,
     put_integer,
     put_number,
 )
@@ -70,7 +70,7 @@ def rock_meshes(
     @cache
     def picture(population: int) -> int:
         return gltf.add_texture(
-            encode_png(rock_texture(world, population, tinted=True)), tiles=True
+            encode_texture(rock_texture(world, population, tinted=True)), tiles=True
         )
 
     relief = _add_maps(world, gltf) if len(rocks) else {}
@@ -107,8 +107,8 @@ def _add_maps(world: World, gltf: Gltf) -> dict[str, Any]:
     rough = np.zeros((*roughness.shape, 3), np.uint8)
     rough[..., 1] = roughness
     return {
-        "normals": {"index": gltf.add_texture(encode_png(normals), tiles=True)},
-        "roughness": gltf.add_texture(encode_png(rough), tiles=True),
+        "normals": {"index": gltf.add_texture(encode_texture(normals), tiles=True)},
+        "roughness": gltf.add_texture(encode_texture(rough), tiles=True),
     }
 
 

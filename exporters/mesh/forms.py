@@ -42,6 +42,7 @@ from terrain_forge.writers import (
     Floats,
     Indices,
     MattMaterial,
+    encode_texture,
     index_corners,
     rock_name,
     vertex_normals,
@@ -142,7 +143,8 @@ def write_materials(
     for number in range(len(world.field.populations)):
         name, image = f"rock_{number}", f"rock_{number}.png"
         if textured:
-            write_png(directory / image, rock_texture(world, number, tinted=True))
+            texture = rock_texture(world, number, tinted=True)
+            (directory / image).write_bytes(encode_texture(texture))
             materials += [
                 MattMaterial(
                     name=f"{name}_{tint}",
@@ -156,7 +158,7 @@ def write_materials(
             materials.append(MattMaterial(name=name, rgb=mean_rock_srgb(world, number)))
     if textured and (maps := rock_maps(world)):
         for file, image in zip(_maps(world).values(), maps, strict=True):
-            write_png(directory / file, image)
+            (directory / file).write_bytes(encode_texture(image))
     write_mtl(directory / MATERIALS, materials)
 
 

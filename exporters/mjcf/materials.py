@@ -17,7 +17,7 @@ from terrain_forge.geometry import rock_maps, rock_texture
 from terrain_forge.model import Friction, World
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import TINTS, tint_colours
-from terrain_forge.writers import Lines, Value, element, encode_png
+from terrain_forge.writers import Lines, Value, element, encode_texture
 
 _SURFACE_PRIORITY, _DYNAMIC_PRIORITY = 2, 3
 """Priorities of contacts: above those that a rover's wheels may have."""
@@ -72,7 +72,7 @@ def texture_files(world: World) -> dict[str, bytes]:
         for n in range(len(world.field.populations))
     }
     images |= dict(zip(_MAPS.values(), rock_maps(world) or (), strict=False))
-    return {f"assets/{file}": encode_png(image) for file, image in images.items()}
+    return {f"assets/{file}": encode_texture(image) for file, image in images.items()}
 
 
 def static_classes(world: World, friction: Friction, *, textured: bool) -> Lines:

@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from terrain_forge.base import Array, Mask, portable
+from terrain_forge.base import Array, Mask, kernel, portable
 from terrain_forge.dtm.squares import in_squares, samples
 
 _QUADRATURE = 24
@@ -162,8 +162,23 @@ def _all_known(trusted: Mask, lag: int) -> Mask:
 @cache
 def _variogram_of_means(hurst: float, lag: int) -> float:
     """Mean of ½·r^2H over all pairs of points of two unit pixels, `lag` apart along one axis."""
+    distance, weights = _pairs(lag)
+    return 0.5 * float(portable.product(_weighed_powers(distance, weights, 2.0 * hurst), weights))
+
+
+@cache
+def _pairs(lag: int) -> tuple[Array, Array]:
+    """Distances of points of two unit pixels, and weights along an axis."""
     steps = (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE * 2.0 - 1.0
     weights = (1.0 - np.abs(steps)) * 2.0 / _QUADRATURE
-    distance = np.hypot(lag + steps[None, :], steps[:, None])
-    power = portable.power(distance, 2.0 * hurst)
-    return 0.5 * float(portable.product(portable.product(weights, power), weights))
+    return np.hypot(lag + steps[None, :], steps[:, None]), weights
+
+
+@kernel
+def _weighed_powers(distance, weights, exponent):  # type: ignore[no-untyped-def]
+    """Sums of the columns' powers, in a fixed order, shape [columns]."""
+    total = np.zeros(distance.shape[1])
+    for column in range(distance.shape[1]):
+        for row in range(distance.shape[0]):
+            total[column] += weights[row] * math.pow(distance[row, column], exponent)
+    return total

@@ -10,7 +10,9 @@ for them.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -154,11 +156,16 @@ def find_noise(
     # Where a spectrum falls steeply, what leaks from its neighbours counts.
     fall = -np.gradient(portable.log(quiet), portable.log(tiles.rings.number))
     error = np.hypot(tiles.error(), _LEAK * np.maximum(fall - _STEEP, 0.0))
+
+    @cache
+    def square(lag: int) -> float:
+        return mean_square_increment(heights, lag, trusted)
+
     both = [fit_noise(side, quiet, error, given, of) for of in (NARROW, WINDOWS)]
     fits = sorted(both, key=lambda fit: fit.misfit)
     if given is not None:
         best = fits[0]
-        share = _share(heights, trusted, given, best.window)
+        share = _share(square, given, best.window)
         if not _GIVEN[0] < share < _GIVEN[1]:
             return FoundNoise()
         floor = _floor(heights, trusted, best.deviation, best.window, best.level, given=True)
@@ -176,27 +183,26 @@ def find_noise(
     for fit in fits:
         if fit.deviation > LARGEST * posting:
             continue
-        share = _share(heights, trusted, fit.deviation, fit.window)
+        share = _share(square, fit.deviation, fit.window)
         if alone.is_clear(fit, share) and share < _WHOLE:
             floor = _floor(heights, trusted, fit.deviation, fit.window, fit.level)
             return FoundNoise(floor=floor)
         if not found.doubt and alone.is_in_doubt(fit, share):
             found = FoundNoise(doubt=fit.deviation)
     by_steps = step / math.sqrt(12.0)
-    if rounded < 0.55 * bare and _share(heights, trusted, by_steps, EACH) > 0.5:
+    if rounded < 0.55 * bare and _share(square, by_steps, EACH) > 0.5:
         floor = _floor(heights, trusted, by_steps, EACH, by_steps**2, given=True)
         return FoundNoise(floor=floor)
     return found
 
 
-def _share(heights: Array, trusted: Mask, deviation: float, window: Window) -> float:
+def _share(square: Callable[[int], float], deviation: float, window: Window) -> float:
     """Largest part that noise has in the mean square increments over 1, 2 and 4 posts."""
     found = []
     for lag in (1, 2, 4):
         near, far = (window.correlation(n * lag) for n in (1.0, 2.0))
         expected = deviation**2 * (6.0 - 8.0 * near + 2.0 * far)
-        square = mean_square_increment(heights, lag, trusted)
-        found.append(expected / square if square > 0.0 else 0.0)
+        found.append(expected / square(lag) if square(lag) > 0.0 else 0.0)
     return max(found)
 
 

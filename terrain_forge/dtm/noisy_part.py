@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from terrain_forge.base import Array, Mask
@@ -35,13 +37,14 @@ def find_noisy_part(
         np.arange(count) * (n - FEWEST_POSTS) // max(count - 1, 1)
         for n, count in zip(heights.shape, counts, strict=True)
     )
-    found = []
-    for row in rows.tolist():
-        for column in columns.tolist():
-            square = np.s_[row : row + FEWEST_POSTS, column : column + FEWEST_POSTS]
-            floor = find_noise(heights[square], posting, trusted[square], step=step).floor
-            found.append(floor.deviation if floor else 0.0)
-    noisy = np.array(found)[np.array(found) > 0.0]
-    if len(noisy) < max(_FEWEST[0], _FEWEST[1] * len(found)):
+    places = [*product(rows.tolist(), columns.tolist())]
+    fewest, noisy = max(_FEWEST[0], _FEWEST[1] * len(places)), list[float]()
+    for number, (row, column) in enumerate(places):
+        if len(noisy) + len(places) - number < fewest:
+            return 0.0, 0.0
+        square = np.s_[row : row + FEWEST_POSTS, column : column + FEWEST_POSTS]
+        floor = find_noise(heights[square], posting, trusted[square], step=step).floor
+        noisy += [floor.deviation] if floor and floor.deviation > 0.0 else []
+    if len(noisy) < fewest:
         return 0.0, 0.0
-    return float(np.median(noisy)), len(noisy) / len(found)
+    return float(np.median(noisy)), len(noisy) / len(places)

@@ -301,7 +301,7 @@ def _make(
         world.save(begun)
         _write(begun / SUMMARY, summary)
         write_manifest(world.site, begun, exports=exports, altered={})
-        share((path for path in sorted(begun.rglob("*")) if path.is_file()), out / POOL)
+        share(begun, read_manifest(begun)["outputs"], out / POOL)
         write_through(begun)
         begun.rename(out / name_of(number))
         sync(out)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from contextlib import suppress
-from hashlib import sha256
+from filecmp import cmp
 from pathlib import Path
 
 LEAST = 2048
@@ -18,22 +18,27 @@ _POOLED = re.compile(r"[0-9a-f]{32}(\..+)?")
 """A file of the pool: a hash of what it holds, and an ending."""
 
 
-def share(files: Iterable[Path], pool: Path) -> None:
+def share(folder: Path, hashes: Mapping[str, str], pool: Path) -> None:
     """Let files be one with what the pool has of their content; what it lacks it gets.
 
     Where the file system has no more links for it, or none at all, a file stays as it is.
+
+    Args:
+        folder: Where they lie.
+        hashes: SHA-256 of each, by its path in the folder.
+        pool: The folder of what many have alike.
     """
-    for file in files:
+    for name, digest in sorted(hashes.items()):
+        file = folder / name
         if file.is_symlink() or file.stat().st_size < LEAST:
             continue
-        content = file.read_bytes()
-        kept = pool / f"{sha256(content).hexdigest()[:32]}{file.suffix}"
+        kept = pool / f"{digest[:32]}{file.suffix}"
         with suppress(OSError):
             try:
                 os.link(file, kept)
             except FileExistsError:
                 # What stands there may have been cut short with the power, or be another's.
-                same = _is_plain(kept) and kept.read_bytes() == content
+                same = _is_plain(kept) and cmp(kept, file, shallow=False)
                 source, target = (kept, file) if same else (file, kept)
                 one = file.with_name(f".{file.name}-shared")
                 os.link(source, one)

@@ -6,6 +6,7 @@ from .glb import Gltf as Gltf
 from .hdr import encode_hdr as encode_hdr
 from .image import encode_jpeg as encode_jpeg
 from .image import encode_png as encode_png
+from .image import encode_texture as encode_texture
 from .image import write_png as write_png
 from .log_scale import log_axes as log_axes
 from .mesh import Floats as Floats

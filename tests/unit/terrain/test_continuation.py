@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from terrain_forge.base import portable
 from terrain_forge.dtm import ArrayDtm, dtm_heights, survey
 from terrain_forge.dtm.increments import expected_increment, mean_square_increment
 from terrain_forge.dtm.point_posts import are_points
@@ -138,6 +139,20 @@ def test_increments_of_pixel_means():
     for lag in (1, 2, 4):
         measured = mean_square_increment(heights, lag, everywhere)
         assert measured == pytest.approx(expected_increment(0.7, lag), rel=0.1)
+
+
+def test_expected_increments_have_the_same_bits_as_portable_sums():
+    steps = (np.arange(24) + 0.5) / 12.0 - 1.0
+    weights = (1.0 - np.abs(steps)) / 12.0
+
+    def variogram(hurst: float, lag: int) -> float:
+        power = portable.power(np.hypot(lag + steps[None, :], steps[:, None]), 2.0 * hurst)
+        return 0.5 * float(portable.product(portable.product(weights, power), weights))
+
+    for hurst in np.random.default_rng(3).uniform(0.05, 0.98, 20).tolist():
+        for lag in (1, 2, 4):
+            near, far, none = (variogram(hurst, n) for n in (lag, 2 * lag, 0))
+            assert expected_increment(hurst, lag) == 8.0 * near - 2.0 * far - 6.0 * none
 
 
 def test_amplitude_follows_the_ground():

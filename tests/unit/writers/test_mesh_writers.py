@@ -23,6 +23,7 @@ from terrain_forge.model import Heightfield, Mesh
 from terrain_forge.scene import tint_colours
 from terrain_forge.writers import (
     encode_png,
+    encode_texture,
     file_name,
     identifier,
     index_corners,
@@ -186,6 +187,15 @@ def test_png_reads_back(shape, dtype):
     if dtype == np.uint16 and len(shape) == 3:  # Pillow keeps the high bytes only
         image = (image >> 8).astype(np.uint8)
     assert np.array_equal(found, image)
+
+
+def test_textures_are_the_files_of_their_pictures_however_many_there_are():
+    pictures = [np.full((4, 6, 3), n, np.uint8) for n in range(40)]
+    pictures += [pictures[3].reshape(6, 4, 3), pictures[3].reshape(12, 6), pictures[3]]
+    for picture in (*pictures, *pictures):
+        assert encode_texture(picture) == encode_png(picture)
+    one = encode_texture(pictures[5])
+    assert encode_texture(pictures[5].copy()) is one
 
 
 def test_png_refuses_what_is_no_image(tmp_path):
