@@ -91,6 +91,7 @@ from .registry import plugins as plugins
 from .registry import returning as returning
 from .registry import skip_plugin as skip_plugin
 from .registry import skipped as skipped
+from .registry import their_packages as their_packages
 from .registry import their_plugins as their_plugins
 from .registry import values as values
 from .seeds import mix as mix

@@ -17,6 +17,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from terrain_forge.base.errors import OutputError
+from terrain_forge.base.registry import their_packages
 from terrain_forge.base.threads import ask_for_interrupt, processors, worker_threads
 from terrain_forge.base.trying import sendable, tried
 
@@ -244,10 +245,10 @@ def _versions() -> dict[str, str]:
 
 
 def software() -> dict[str, str]:
-    """What makes the bytes of a world and its files, by name."""
+    """What makes the bytes of a world and its files, by name; other packages' parts do so too."""
     from terrain_forge import __version__
 
-    return {"terrain-forge": __version__, **_versions()}
+    return {"terrain-forge": __version__, **_versions(), **their_packages()}
 
 
 _MAKERS = "numpy", "scipy", "numba", "rasterio", "pillow", "usd-core"

@@ -90,6 +90,18 @@ def their_plugins() -> tuple[tuple[str, EntryPoint], ...]:
     return tuple(sorted((_what(point.group), point) for point in found))
 
 
+@cache
+def their_packages() -> dict[str, str]:
+    """Versions of the installed packages with parts for us, by the packages' names."""
+    found = {
+        package.name: package.version
+        for package in distributions()
+        if any(point.group.startswith(f"{_OURS}.") for point in package.entry_points)
+    }
+    found.pop("terrain-forge", None)
+    return dict(sorted(found.items()))
+
+
 def _theirs(group: str) -> list[EntryPoint]:
     points = entry_points(group=group) if group.startswith(f"{_OURS}.") else ()
     return [point for point in points if not point.value.startswith(f"{_OURS}.")]

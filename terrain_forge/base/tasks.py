@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -190,6 +191,12 @@ def serve_tasks() -> None:
 
     with worker_threads(1) as pool:
         pool.submit(read)
-        called = pickle.loads(function)
-        while True:
-            _send(output, sendable(tried(called, items.get(), tries)))
+        try:
+            called = pickle.loads(function)
+            while True:
+                _send(output, sendable(tried(called, items.get(), tries)))
+        except KeyboardInterrupt:
+            os._exit(130)
+        except BaseException:
+            traceback.print_exc()
+            os._exit(1)

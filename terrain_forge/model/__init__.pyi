@@ -69,6 +69,7 @@ from .orbit import Rotation as Rotation
 from .orbit import SatelliteOrbit as SatelliteOrbit
 from .packages import MANIFEST as MANIFEST
 from .packages import MAX_MANIFEST as MAX_MANIFEST
+from .packages import lacking as lacking
 from .packages import made_with as made_with
 from .packages import packages_gone as packages_gone
 from .plot import html as html

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import platform
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distributions, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from terrain_forge.base import DataError, read_text
+from terrain_forge.base import DataError, read_text, their_packages
 
 MANIFEST = "manifest.json"
 """File of a built folder that says what it was made from."""
@@ -28,13 +29,7 @@ def made_with() -> dict[str, str]:
     for package in _LIBRARIES:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
-    others = {
-        package.name: package.version
-        for package in distributions()
-        if any(point.group.startswith("terrain_forge.") for point in package.entry_points)
-    }
-    others.pop("terrain-forge", None)
-    return {**found, **dict(sorted(others.items()))}
+    return {**found, **their_packages()}
 
 
 def packages_gone(directory: Path) -> str:
@@ -44,9 +39,13 @@ def packages_gone(directory: Path) -> str:
     """
     try:
         manifest = json.loads(read_text(directory / MANIFEST, MANIFEST, most=MAX_MANIFEST))
-        versions = dict(manifest["versions"])
+        return lacking(dict(manifest["versions"]))
     except (DataError, OSError, ValueError, LookupError, TypeError, RecursionError):
         return ""
+
+
+def lacking(versions: Mapping[str, str]) -> str:
+    """Packages with parts for us, of those by whose versions something was made, not here."""
     theirs = {*versions} - {"python", *_LIBRARIES}
     return ", ".join(f"{name} {versions[name]}" for name in sorted(theirs) if not _is_here(name))
 

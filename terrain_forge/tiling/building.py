@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,6 +13,7 @@ from typing import Any
 
 from terrain_forge.base import (
     OutputError,
+    PluginError,
     Stopwatch,
     StorageError,
     TerrainForgeError,
@@ -41,6 +42,8 @@ _log = logging.getLogger(__name__)
 _MOST_FAILURES = 16
 """Tiles that fail until no further one is begun."""
 _NAMED = 5
+_KINDS = RuntimeError, OutputError, PluginError, StorageError
+"""What tiles that failed are told as, the first that one of them is."""
 STAGES = (
     "compile",
     "plan",
@@ -208,20 +211,28 @@ def _made(
         yield number, result
 
 
-def _failure(order: TileOrder, failed: dict[int, Exception]) -> TerrainForgeError:
-    """The error that names tiles which failed, of the kind that all of them have."""
+def _failure(order: TileOrder, failed: dict[int, Exception]) -> Exception:
+    """The error that names tiles which failed, of the first of `_KINDS` that one is."""
     named = ", ".join(order.grid.folder(number) for number in sorted(failed)[:_NAMED])
     more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
     first = failed[min(failed)]
     why = " ".join(str(first).split()) or type(first).__name__
-    kinds = {type(error) for error in failed.values()}
-    kind: Callable[[str], TerrainForgeError] = OutputError
-    if kinds == {StorageError}:
-        kind = StorageError
-    return kind(
+    kinds = {_kind_of(error) for error in failed.values()}
+    failure = next(kind for kind in _KINDS if kind in kinds)(
         f"{order.out}: {len(failed)} tile{'s' * (len(failed) > 1)} failed twice, {named}{more}: "
         f"{why}; the others are whole, and the same build goes on"
     )
+    failure.__cause__ = first
+    return failure
+
+
+def _kind_of(error: Exception) -> type[Exception]:
+    """What an error of a tile is told as; one that is nobody's else is ours."""
+    if isinstance(error, PluginError):
+        return PluginError
+    if isinstance(error, StorageError | OSError | MemoryError):
+        return StorageError
+    return OutputError if isinstance(error, TerrainForgeError) else RuntimeError
 
 
 def progress_figures(result: TiledResult) -> str:

@@ -27,6 +27,7 @@ from terrain_forge.model import (
 )
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
+from terrain_forge.tiling.exporting import begin_export, join_export
 from terrain_forge.tiling.making import digest_of, tile_of, world_of
 from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder, reading_of_tile
 from terrain_forge.truth import MATERIALS, merge_materials, write_merged
@@ -51,10 +52,7 @@ def begin_site(order: TileOrder) -> None:
     """Write what tiles share, before any of them."""
     world = sample_world(order)
     for export in order.exports:
-        exporter, options = export.opened()
-        (order.out / export.folder).mkdir(exist_ok=True)
-        if hasattr(exporter, "begin_tiles"):
-            exporter.begin_tiles(world, order.out / export.folder, options=options)
+        begin_export(export, world, order.out / export.folder)
 
 
 def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
@@ -95,12 +93,10 @@ def join(order: TileOrder, paths: tuple[Trajectory, ...], watch: Stopwatch) -> d
         world = world.replace(horizon=horizon)
     for export in order.exports:
         watch(f"joining: {export.folder}")
-        exporter, options = export.opened()
-        folder = out / export.folder
         tiles = tuple(_built(order, export))
         near = partial(_near_paths, order, paths, tiles)
         tiled = TiledSite(site=site, grid=order.grid, world=world, tiles=tiles, near_paths=near)
-        losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
+        losses = join_export(export, tiled, out / export.folder)
         exports[export.folder] = {
             "kind": export.kind, "options": export.options, "losses": [*losses]
         }  # fmt: skip

@@ -10,7 +10,7 @@ import platform
 import resource
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from terrain_forge.paths import known_within
 from terrain_forge.recipe import sha256
 from terrain_forge.rovers import rover_of
 from terrain_forge.tiling.beyond import shows_horizon, write_strips
+from terrain_forge.tiling.exporting import export_tile
 from terrain_forge.tiling.order import STAGING, TILE, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
@@ -95,11 +96,8 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
         write_strips(tile, order.grid, folder)
     figures: dict[str, Any] = {}
     for export in order.exports:
-        exporter, options = export.opened()
         place = folder / export.folder
-        place.mkdir()
-        export_tile: Callable[..., dict[str, Any]] = exporter.export_tile  # type: ignore[attr-defined]
-        figures[export.folder] = export_tile(tile, place, grid=order.grid, options=options)
+        figures[export.folder] = export_tile(export, tile, order.grid, place)
     ground = tile.ground.elevation
     row, column = order.grid.place(number)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())

@@ -38,7 +38,7 @@ from terrain_forge.model import (
     RockLibrary,
     Site,
     TileGrid,
-    packages_gone,
+    lacking,
     plain_options,
     sensor_kinds,
 )
@@ -144,7 +144,7 @@ def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
             by tile, or what needs the whole site.
     """
     for order in orders:
-        if not hasattr(order.exporter, "export_tile"):
+        if not all(hasattr(order.exporter, name) for name in ("export_tile", "join_tiles")):
             raise RecipeError(
                 f"{order.kind} is not written tile by tile, as {', '.join(TILED)} are: leave it "
                 "out, and take a part of the built site with `terrain-forge cut`",
@@ -371,6 +371,7 @@ def _load(out: str, *state: int) -> TileOrder:
                 exports=tuple(Export(**plain) for plain in told["exports"]),
             )
     except (DataError, RecipeError) as error:
-        gone = packages_gone(Path(out))
+        made_by = told.get("made_by")
+        gone = lacking(made_by) if isinstance(made_by, dict) else ""
         hint = f"; install {gone}, with which it was built" if gone else ""
         raise OutputError(f"{folder} is damaged: {error}{hint}") from None

@@ -53,6 +53,16 @@ def test_a_generator_that_is_left_ends_its_processes(tmp_path: Path) -> None:
     results.close()
 
 
+def interrupted(item: int) -> int:
+    """Interrupted, as by a signal that meets its process alone."""
+    raise KeyboardInterrupt
+
+
+def test_a_process_that_is_interrupted_ends() -> None:
+    (found,) = dict(run_tasks(interrupted, [1], workers=1)).values()
+    assert "its process ended: exit status 130" in str(found)
+
+
 def test_tasks_run_here_too(tmp_path: Path) -> None:
     assert dict(run_tasks(partial(work, tmp_path), [1, 2], workers=0)) == {1: 1, 2: 4}
 
