@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, distributions, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points, version
 from types import ModuleType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -94,9 +94,9 @@ def their_plugins() -> tuple[tuple[str, EntryPoint], ...]:
 def their_packages() -> dict[str, str]:
     """Versions of the installed packages with parts for us, by the packages' names."""
     found = {
-        package.name: package.version
+        package.name: version(package.name)  # of two, that which is imported
         for package in distributions()
-        if any(point.group.startswith(f"{_OURS}.") for point in package.entry_points)
+        if package.name and any(p.group.startswith(f"{_OURS}.") for p in package.entry_points)
     }
     found.pop("terrain-forge", None)
     return dict(sorted(found.items()))

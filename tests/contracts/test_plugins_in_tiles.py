@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 
 import pytest
 
@@ -136,6 +137,19 @@ def test_a_site_is_of_the_packages_that_it_was_begun_with(installed, tmp_path):
     assert "was begun by " in done.complaints[-1]
     assert "tiled 0.9" in done.complaints[-1]
     assert not (tmp_path / "out/tiles/000/001").exists()
+
+
+def test_of_two_versions_of_a_package_the_first_counts(installed, tmp_path):
+    """That is the one which is imported."""
+    with fresh(install(tmp_path, "tiled", POINTS, MODULES)):
+        (tmp_path / "tiled-1.0.dist-info").rename(tmp_path / "tiled-2.0.dist-info")
+        metadata = tmp_path / "tiled-2.0.dist-info/METADATA"
+        metadata.write_text("Metadata-Version: 2.1\nName: tiled\nVersion: 2.0\n")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.path", [*sys.path, str(installed)])
+            from terrain_forge.base import their_packages
+
+            assert their_packages()["tiled"] == "2.0"
 
 
 @pytest.mark.parametrize("command", [["validate"], ["cut", "--centre", "0,0", "--size", "2,2"]])
