@@ -26,6 +26,7 @@ from terrain_forge.base import (
     read_arrays,
     read_json,
     reading,
+    refused_name,
     software,
     sync,
     to_plain,
@@ -56,6 +57,8 @@ TILE = "tile.json"
 """A tile's own list of its files."""
 MOST = 2**30
 """Bytes of a site's JSON."""
+RESERVED = {FOLDER, STAGING, TILE, "tiles", "map.png", "border.npz"}
+"""Names in a site's folder, or in a tile's, that no export may have, in any case."""
 TILED = "geotiff", "usd", "glb", "sdf"
 """Exporters of ours that write tile by tile."""
 
@@ -141,9 +144,11 @@ def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
 
     Raises:
         RecipeError: for tiles that are no whole number of cells, an export that is not made tile
-            by tile, or what needs the whole site.
+            by tile or has the name of what a site has, or what needs the whole site.
     """
     for order in orders:
+        if why := refused_name(order.folder, RESERVED, "site in tiles"):
+            raise RecipeError(why, key=("exports", order.folder))
         if not all(hasattr(order.exporter, name) for name in ("export_tile", "join_tiles")):
             raise RecipeError(
                 f"{order.kind} is not written tile by tile, as {', '.join(TILED)} are: leave it "

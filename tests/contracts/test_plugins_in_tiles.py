@@ -106,6 +106,16 @@ def test_an_exporter_that_cannot_join_tiles_is_refused_before_any(installed, tmp
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["site", "Tiles", "map.png", "border.npz"])
+def test_an_export_has_not_the_name_of_what_a_site_has(installed, tmp_path, name):
+    with fresh(installed):
+        done = build(tmp_path, f"{{{name}: {{kind: tiled}}}}")
+    assert done.returncode == 2, done.stderr
+    told = f"tiled.yaml:9: exports.{name}: {name!r} is part of every site in tiles"
+    assert told in done.complaints[-1]
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("layer", "told"),
     [
