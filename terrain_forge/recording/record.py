@@ -129,7 +129,7 @@ def record_dataset(
 
 def _left(store: Store, count: int, whole: int) -> str:
     """What an interrupt leaves behind."""
-    told = f"{count:,} of {whole:,} measurements are in {store.folder}"
+    told = f"{count:,} of {whole:,} missing measurements are in {store.folder} now"
     return f"{told}: the same command goes on from there"
 
 

@@ -41,7 +41,7 @@ def with_path(world: World, spec: DatasetSpec, *, path: str | None = None) -> Da
         RecipeError: if the world has no path, or none of that name.
     """
     names = [one.name for one in world.trajectories]
-    return replace(spec, path=named_path(names, path or spec.path))
+    return replace(spec, path=named_path(names, spec.path if path is None else path))
 
 
 def named_path(names: Sequence[str], asked: str | None) -> str:
@@ -56,7 +56,7 @@ def named_path(names: Sequence[str], asked: str | None) -> str:
             "recipe one, and build its world with that",
             key=("paths",),
         )
-    named = asked or names[0]
+    named = names[0] if asked is None else asked
     if named not in names:
         what = f"no path is called {named!r}{hint_at(named, names)}, the world has"
         raise RecipeError(f"{what}: {', '.join(names)}", key=("dataset", "path"))

@@ -368,9 +368,13 @@ def _at_formats(stage, share=0.0):
 
 
 def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
-    with pytest.raises(KeyboardInterrupt, match=r"^\d+ of \d+ measurements are in .*goes on"):
+    with pytest.raises(
+        KeyboardInterrupt, match=r"^\d+ of \d+ missing measurements are in .*goes on"
+    ):
         tf.record(world, tmp_path, progress=_interrupting)
-    with pytest.raises(KeyboardInterrupt, match=r"^(\d+) of \1 measurements are in .*goes on"):
+    with pytest.raises(
+        KeyboardInterrupt, match=r"^(\d+) of \1 missing measurements are in .*goes on"
+    ):
         tf.record(world, tmp_path, formats={"calibration": {}}, progress=_at_formats)
     assert threading.active_count() < 20
     assert list(tmp_path.glob(".terrain-forge*")) == []
@@ -385,7 +389,9 @@ def test_the_command_ends_with_one_line_and_its_status(world, tmp_path, monkeypa
         done = run("record", tmp_path, "--only", "eye")
     assert done.returncode == 130
     assert re.search(
-        r"^interrupted, 5 of 58 measurements are in .*goes on from there$", done.stderr, re.M
+        r"^interrupted, 5 of 58 missing measurements are in .*goes on from there$",
+        done.stderr,
+        re.M,
     )
     done = run("record", tmp_path, "--only", "eye", "--to", "10", "--workers", "2")
     assert done.returncode == 0, done.stderr
