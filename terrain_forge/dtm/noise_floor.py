@@ -22,10 +22,13 @@ from terrain_forge.dtm.matcher_windows import (
     CLEAR,
     CLEAR_OF_FEW,
     CLEAR_OF_POINTS,
+    CLEAR_OF_WIDE,
     DOUBT,
     DOUBT_OF_POINTS,
+    DOUBT_OF_WIDE,
     EACH,
     NARROW,
+    WIDE,
     WINDOWS,
     Bar,
     Window,
@@ -117,6 +120,8 @@ class _Alone:
         """Whether noise of a fit, which has this part of increments, is to be taken away."""
         if fit.window in NARROW:
             return self._below(fit, share, clear_of_narrow(fit.window), CLEAR_OF_POINTS)
+        if fit.window in WIDE:
+            return self._below(fit, share, CLEAR_OF_WIDE, CLEAR_OF_POINTS)
         bar = CLEAR_OF_FEW if self.few else CLEAR
         return bar.passed(fit.misfit, self.any, share)
 
@@ -124,10 +129,13 @@ class _Alone:
         """Whether that noise may be there."""
         if fit.window in NARROW:
             return self._below(fit, share, DOUBT, DOUBT_OF_POINTS)
+        if fit.window in WIDE:
+            return self._below(fit, share, DOUBT_OF_WIDE, DOUBT_OF_POINTS)
         return CLEAR.passed(fit.misfit, self.any, share)
 
-    def _below(self, fit: Fit, share: float, natural: Bar, points: Bar) -> bool:
-        return natural.passed(fit.misfit, self.natural, share) and points.passed(
+    def _below(self, fit: Fit, share: float, ground: Bar, points: Bar) -> bool:
+        alone = self.any if fit.window in WIDE else self.natural
+        return ground.passed(fit.misfit, alone, share) and points.passed(
             fit.misfit, self.points, share
         )
 
@@ -161,8 +169,9 @@ def find_noise(
     def square(lag: int) -> float:
         return mean_square_increment(heights, lag, trusted)
 
-    both = [fit_noise(side, quiet, error, given, of) for of in (NARROW, WINDOWS)]
-    fits = sorted(both, key=lambda fit: fit.misfit)
+    families = (NARROW, WINDOWS, WIDE) if side == _LARGE else (NARROW, WINDOWS)
+    every = [fit_noise(side, quiet, error, given, of) for of in families]
+    fits = sorted(every, key=lambda fit: fit.misfit)
     if given is not None:
         best = fits[0]
         share = _share(square, given, best.window)
@@ -181,10 +190,9 @@ def find_noise(
     )
     found = FoundNoise()
     for fit in fits:
-        if fit.deviation > LARGEST * posting:
-            continue
+        small = fit.deviation <= LARGEST * posting
         share = _share(square, fit.deviation, fit.window)
-        if alone.is_clear(fit, share) and share < _WHOLE:
+        if small and share < _WHOLE and alone.is_clear(fit, share):
             floor = _floor(heights, trusted, fit.deviation, fit.window, fit.level)
             return FoundNoise(floor=floor)
         if not found.doubt and alone.is_in_doubt(fit, share):
@@ -273,7 +281,7 @@ def _in_all(
     """
     grounds, errors = ground_spectrum(tiles.rings.number, BETAS), tiles.error()
     fits: dict[Window, tuple[float, float, Array]] = {}
-    for one in NARROW if window in NARROW else WINDOWS:
+    for one in next(family for family in (NARROW, WINDOWS, WIDE) if window in family):
         shape = _all_ways(tiles.rings, one)
         misfits, levels = fit_levels(grounds, shape, density, errors, None)
         least = int(np.argmin(misfits + UNLIKELY))

@@ -87,6 +87,20 @@ def test_noisy_dtm_comes_back_to_the_roughness_of_the_clean_one(deviation, windo
     assert np.std(found - truth) < deviation
 
 
+@pytest.mark.parametrize(("window", "each"), [(6, 0.0), (8, 0.0), (3, 0.3), (5, 0.3)])
+def test_noise_over_many_posts_or_with_some_of_each_is_taken_away(jezero, window, each):
+    truth = averaged(jezero[200:840, 100:740], 2)
+    deviation = 0.7
+    noisy = truth + matcher_noise(truth.shape, deviation, window)
+    noisy += matcher_noise(truth.shape, each * deviation, 0.0, seed=2)
+    floor = find_noise(noisy, 7.38, everywhere(noisy)).floor
+    assert floor is not None
+    assert floor.deviation == pytest.approx(np.hypot(1.0, each) * deviation, rel=0.2)
+    found = denoised(noisy, floor, stage_key(1, "noise"))
+    for lag in LAGS:
+        assert rms_deviation(found, lag) == pytest.approx(rms_deviation(truth, lag), rel=0.15)
+
+
 @pytest.mark.parametrize(("deviation", "window"), [(0.1, 0.0), (0.1, 3), (0.2, 0.0)])
 def test_smooth_ground_beside_rough_stays_smooth(deviation, window):
     whole = clean()
@@ -229,6 +243,15 @@ def test_what_is_as_high_as_posts_are_apart_is_no_noise():
     floors = [find_noise(scale * white, 1.0, everywhere(white)).floor for scale in (0.5, 0.8)]
     assert floors[0].deviation == pytest.approx(0.5, rel=0.1)
     assert floors[1] is None
+
+
+@pytest.mark.parametrize("window", [0.0, 1.0, 3])
+def test_noise_that_is_as_high_as_posts_are_apart_is_warned_of(window):
+    truth = clean(factor=1)
+    site = planned(truth + matcher_noise(truth.shape, 1.0, window), 1.0, margin=4)
+    assert site.dtm.noise == 0.0
+    assert site.dtm.doubt == pytest.approx(1.0, rel=0.1)
+    assert any("may have noise" in text for text in site_warnings(site))
 
 
 def test_a_massif_does_not_roughen_the_plain_beside_it():
