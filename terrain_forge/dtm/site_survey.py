@@ -33,7 +33,7 @@ from terrain_forge.dtm.raster import Raster, ground_steps, open_raster
 from terrain_forge.dtm.reading import read_patch
 from terrain_forge.dtm.roughness import body_roughness, fit_roughness
 from terrain_forge.dtm.spec import ArrayDtm, FlatDtm, HorizonSpec, Noise, RasterDtm
-from terrain_forge.dtm.vertical import height_step, require_known_unit
+from terrain_forge.dtm.vertical import height_step, no_ground, require_known_unit
 from terrain_forge.model import Body, DtmPatch, FarHeights, Roughness
 
 _NEAR_POLE = 64
@@ -101,7 +101,7 @@ def survey(
     around: tuple[FarHeights, ...] = ()
     if isinstance(spec, ArrayDtm):
         crs, lonlat = _place(spec.lonlat_deg, body)
-        patch, measured = _array_patch(spec, heights)
+        patch, measured = _array_patch(spec, body, heights)
     else:
         crs, lonlat, patch, measured, around = _raster_patch(spec, body, folder, horizon)
     around += _beyond(horizon, patch, crs, spec.size_m, body, folder)
@@ -254,7 +254,7 @@ def _place(
     return local_crs(body_crs(body.mean_radius), *lonlat_deg), (float(lon), float(lat))
 
 
-def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]:
+def _array_patch(spec: ArrayDtm, body: Body, heights: Array | None) -> tuple[DtmPatch, Mask]:
     if heights is None:
         raise RecipeError(
             "`kind: array` takes its heights from plan(recipe, heights=…)", key=("dtm",)
@@ -264,6 +264,12 @@ def _array_patch(spec: ArrayDtm, heights: Array | None) -> tuple[DtmPatch, Mask]
     values = np.asarray(heights, np.float64)
     if values.ndim != 2 or min(values.shape) < 2 or not np.isfinite(values).all():
         raise RecipeError(f"heights of shape {values.shape}: a finite 2-D array", key=("dtm",))
+    if farthest := no_ground(values, body):
+        raise RecipeError(
+            f"heights of {farthest:.4g} m from the datum, {body.name}'s radius is "
+            f"{body.mean_radius:.4g} m: metres above the datum",
+            key=("dtm",),
+        )
     extent = tuple((n - 1) * spec.posting_m for n in values.shape[::-1])
     if any(size > have * (1 + 1e-9) for size, have in zip(spec.size_m, extent, strict=True)):
         raise RecipeError(

@@ -143,14 +143,19 @@ def require_no_sentinel(values: NDArray[np.float64], source: str, *, cliff: floa
             )
 
 
+def no_ground(heights: NDArray[np.float64], body: Body) -> float:
+    """How far heights lie from the datum [m], if no ground of a body lies so far; else 0."""
+    farthest = float(np.abs(heights).max(initial=0.0))
+    return farthest if farthest > _FARTHEST * body.mean_radius else 0.0
+
+
 def require_heights(heights: NDArray[np.float64], source: str, body: Body) -> None:
     """Refuse heights that are none: as large as the body itself.
 
     Raises:
         DataError: with what they reach.
     """
-    farthest = float(np.abs(heights).max(initial=0.0))
-    if farthest > _FARTHEST * body.mean_radius:
+    if farthest := no_ground(heights, body):
         raise DataError(
             f"{source} has heights of {farthest:.4g} m from the datum, {body.name}'s radius is "
             f"{body.mean_radius:.4g} m: if these are no data, give dtm.nodata; if another unit, "

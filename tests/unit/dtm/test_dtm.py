@@ -233,6 +233,16 @@ def test_an_array_of_masked_heights_is_refused():
         survey(spec, body=MARS, folder=Path(), heights=heights)
 
 
+@pytest.mark.parametrize("height", [-3.4028227e38, 3.39e6, -1.8e5])
+def test_an_array_with_heights_that_no_ground_has_is_refused(height):
+    """Such as what a file without a mask has for no data, or radii."""
+    heights = np.zeros((41, 61))
+    heights[20, 30] = height
+    spec = ArrayDtm(posting_m=0.5, size_m=(30.0, 20.0))
+    with pytest.raises(RecipeError, match=r"from the datum, mars's radius is 3\.39e\+06 m"):
+        survey(spec, body=MARS, folder=Path(), heights=heights)
+
+
 def test_flat_site_can_know_its_place():
     site, ground = look(FlatDtm(size_m=(10.0, 10.0), lonlat_deg=(23.5, 0.7)), Path(), body=MOON)
     assert site.georeferenced
