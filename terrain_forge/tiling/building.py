@@ -181,8 +181,9 @@ def _make_missing(
     away = exchange and order.missing()
     with exchanging(order, str(exchange)) if away else nullcontext() as there:
         with storing(order.out, order.out):
+            world = sample_world(order)  # what no tile can be made of leaves nothing behind
             save_order(order)
-            begin_site(order)
+            begin_site(order, world)
         missing = order.missing()
         watch(f"tiles: 0 of {len(missing)}")
         given["told"] = partial(setattr, pace, "link")
@@ -220,7 +221,7 @@ def _failure(order: TileOrder, failed: dict[int, Exception]) -> Exception:
     kinds = {_kind_of(error) for error in failed.values()}
     failure = next(kind for kind in _KINDS if kind in kinds)(
         f"{order.out}: {len(failed)} tile{'s' * (len(failed) > 1)} failed twice, {named}{more}: "
-        f"{why}; the others are whole, and the same build goes on"
+        f"{why}; what is whole stays, and the same build goes on"
     )
     failure.__cause__ = first
     return failure

@@ -25,7 +25,7 @@ from weakref import finalize
 
 from terrain_forge.base import OutputError, storing
 from terrain_forge.recipe import sha256
-from terrain_forge.tiling.joining import begin_site
+from terrain_forge.tiling.joining import begin_site, sample_world
 from terrain_forge.tiling.making import make_tile, placing
 from terrain_forge.tiling.order import FOLDER, TileOrder, load_order, write_planned
 
@@ -126,7 +126,8 @@ class _Folder:
         with storing(self.path, self.path):
             exchange.get(self.path / _SITE)
             _unpack(self.path / _SITE, self.path)
-            begin_site(load_order(self.path))
+            order = load_order(self.path)
+            begin_site(order, sample_world(order))
 
 
 _site_here = lru_cache(maxsize=1)(_Folder)

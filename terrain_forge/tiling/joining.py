@@ -48,9 +48,8 @@ def sample_world(order: TileOrder) -> World:
     return world_of(order, Window(column=0, row=0, columns=2, rows=2))
 
 
-def begin_site(order: TileOrder) -> None:
-    """Write what tiles share, before any of them."""
-    world = sample_world(order)
+def begin_site(order: TileOrder, world: World) -> None:
+    """Write what tiles share, of the sample world, before any of them."""
     for export in order.exports:
         begin_export(export, world, order.out / export.folder)
 

@@ -130,6 +130,16 @@ def draw(
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
 
 
+def require_untiled(recipe: Recipe) -> None:
+    """Refuse tiles, in which no world of a series is made.
+
+    Raises:
+        RecipeError: if the recipe asks for them.
+    """
+    if recipe.tiles is not None:
+        raise RecipeError("worlds of a series are made whole: leave it out", key=("tiles",))
+
+
 def require_drawable(recipe: Recipe, folder: Path) -> None:
     """Refuse what is drawn from, before a world is made, by the recipes at its ends and the first.
 

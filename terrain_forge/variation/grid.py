@@ -48,7 +48,7 @@ from terrain_forge.recipe import (
 )
 from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
-from terrain_forge.variation.drawing import draw, require_drawable
+from terrain_forge.variation.drawing import draw, require_drawable, require_untiled
 from terrain_forge.variation.mosaic import Mosaic
 from terrain_forge.variation.series import orders_of, summary_of
 
@@ -103,6 +103,7 @@ def make_grid(
     folder = resolved(folder)
     out = resolved(out)
     require_ours(out)
+    require_untiled(recipe)
     _require_fits(recipe, shape, _margin(recipe, border or BORDER))
     orders_of(recipe, only)  # refuses what no export has
     recipe = replace(recipe, worlds=_without_common(recipe.worlds or WorldsSpec()))

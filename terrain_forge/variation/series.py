@@ -62,7 +62,7 @@ from terrain_forge.recipe import (
     recipe_json,
 )
 from terrain_forge.truth import rate_world, write_truth
-from terrain_forge.variation.drawing import Drawn, draw, require_drawable
+from terrain_forge.variation.drawing import Drawn, draw, require_drawable, require_untiled
 from terrain_forge.variation.sharing import drop_unshared, share
 
 ORDER, TABLE, POOL, SUMMARY = "worlds.json", "worlds.csv", "shared", "drawn.json"
@@ -137,6 +137,7 @@ def worlds(
     if not 1 <= count <= MOST_WORLDS:
         text = f"{count} worlds: 1 to {MOST_WORLDS:,}"
         raise RecipeError(text, key=("worlds", "count"))
+    require_untiled(recipe)
     orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
     require_apart(out, input_paths(recipe, folder))

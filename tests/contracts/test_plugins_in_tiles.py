@@ -34,6 +34,7 @@ MODULES = {
     + SPEC
     + "class Odd(Layer):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'ok'\n"
     + "    def relief(self, *, site, window, elevation):\n"
+    + "        if self.what == 'nowhere': return elevation / 0\n"
     + "        if self.what == 'raise' and site.axes(window)[0].max() > 1: raise KeyError(1)\n"
     + "        if self.what == 'memory' and site.axes(window)[0].max() > 1: raise MemoryError\n"
     + "        return np.zeros(elevation.shape)\n",
@@ -119,7 +120,7 @@ def test_an_export_has_not_the_name_of_what_a_site_has(installed, tmp_path, name
 @pytest.mark.parametrize(
     ("layer", "told"),
     [
-        ("raise", "layer 'odd' (tiled_layer, line 10) failed: KeyError: 1"),
+        ("raise", "layer 'odd' (tiled_layer, line 11) failed: KeyError: 1"),
         ("memory", "MemoryError"),
     ],
 )
@@ -171,3 +172,12 @@ def test_a_site_names_the_packages_that_are_gone(installed, tmp_path, command):
     done = run(command[0], tmp_path / "out", *command[1:])
     assert done.returncode == 2, done.stderr
     assert done.complaints[-1].endswith("; install tiled 1.0, with which it was built")
+
+
+def test_a_layer_that_makes_no_ground_leaves_no_site(installed, tmp_path):
+    with fresh(installed):
+        done = build(tmp_path, layer="nowhere")
+    assert done.returncode == 3, done.stderr
+    assert not (tmp_path / "out").exists()
+    with fresh(installed):
+        assert build(tmp_path).returncode == 0

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -315,6 +316,14 @@ def test_worlds_that_differ_in_what_a_scene_has_once_are_refused(tmp_path: Path)
     with pytest.raises(tf.RecipeError, match=r"have one dtm\.size_m, found \[8\.0, 8\.0\] and \[6"):
         make_grid(recipe(tmp_path, varied), tmp_path / "out", shape=(3, 3))
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("make", [worlds, partial(make_grid, shape=(1, 1))])
+def test_a_site_in_tiles_is_no_world_of_a_series(make: Any, tmp_path: Path) -> None:
+    path = recipe(tmp_path, lambda plain: plain.update(tiles={"size_m": 4}))
+    with pytest.raises(tf.RecipeError, match="worlds of a series are made whole: leave it out"):
+        make(path, tmp_path / "many")
+    assert not (tmp_path / "many").exists()
 
 
 def test_places_lie_all_over_a_terrain_model(tmp_path: Path) -> None:
