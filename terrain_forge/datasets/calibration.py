@@ -46,14 +46,17 @@ _USUAL = "1.7e-4, 1.9e-5, 2.0e-3 and 3.0e-3"
 """Densities of the EuRoC dataset's IMU, in the order of `Noise`; SI units."""
 
 
-def calibration_files(recording: Recording, depth_factor: float = 5000.0) -> dict[str, bytes]:
+def calibration_files(
+    recording: Recording, depth_factor: float = 5000.0, depth_camera: str = ""
+) -> dict[str, bytes]:
     """Files by their paths, such as `orbslam3/stereo.yaml`, in the order of their names.
 
     Args:
         recording: The recording.
         depth_factor: Values in a metre of the TUM layout that is read with `orbslam3/rgbd.yaml`.
+        depth_camera: Its camera, by its name or folder; by default that which it has by default.
     """
-    rig = Rig(recording=recording, depth_factor=depth_factor)
+    rig = Rig(recording=recording, depth_factor=depth_factor, depth_camera=depth_camera)
     found = {name: text for files in _SYSTEMS for name, text in files(rig).items()}
     found["README.txt"] = _readme(rig, found)
     return {name: found[name].encode() for name in sorted(found)}
@@ -99,6 +102,7 @@ def _readme(rig: Rig, files: Mapping[str, str]) -> str:
         return ", ".join(word for name, word in names.items() if name in files)
 
     left = rig.cameras[0].key if rig.cameras else ""
+    deep = rig.deep.key if rig.deep else ""
     found = [
         f"Calibration of the recording of {recording.name!r}, in the words of the systems that "
         "read it. Pixels: the centre of the first one is 0, 0. Frames: cameras x right, y down, "
@@ -112,11 +116,17 @@ def _readme(rig: Rig, files: Mapping[str, str]) -> str:
         (f"the pictures in mav0/{left}/data", _AS_RECORDED),
         ("pictures without distortion", _STRAIGHT),
         (
-            f"the TUM layout with {rig.depth_factor:g} values in a metre",
+            f"the TUM layout of {deep} with {rig.depth_factor:g} values in a metre",
             {"orbslam3/rgbd.yaml": "orbslam3/rgbd.yaml"},
         ),
     ):
         found += [f"Of {what}: {written(names)}."] * bool(written(names))
+    if rig.pair and not rig.pair.alike:
+        right = rig.pair.right.key
+        found.append(
+            f"Focal lengths or principal points of {left} and {right} differ: nothing is written "
+            "for pairs without distortion, which are of two equal cameras."
+        )
     if any(four(camera) is None for camera in rig.cameras):
         found.append(
             "The lenses have a fifth coefficient of distortion, k3, which Kalibr, OpenVINS, "

@@ -44,8 +44,7 @@ def pair_of(recording: Recording, name: str = "") -> StereoPair | None:
 
 def _is_straight(pair: StereoPair) -> bool:
     """Whether there are pictures of both cameras as of one pinhole, moved along its rows."""
-    same = np.array_equal(pair.left.intrinsics, pair.right.intrinsics)
-    return same and bool(straight_stream(pair.left) and straight_stream(pair.right))
+    return pair.alike and bool(straight_stream(pair.left) and straight_stream(pair.right))
 
 
 def rectified_pair(recording: Recording, name: str, kind: str) -> StereoPair:
@@ -58,13 +57,24 @@ def rectified_pair(recording: Recording, name: str, kind: str) -> StereoPair:
     if pair is None:
         which = f"whose left camera is {name!r}" if name else "of cameras"
         raise ExportError(f"{kind} needs a stereo pair {which}, and the recording has none")
-    if not _is_straight(pair):
-        left = pair.left
+    left, right = pair.left, pair.right
+    if not pair.alike:
         raise ExportError(
-            f"{kind} needs pictures without distortion, and those of {left.name} have "
-            f"{left.distortion[0]}: record with images: [rectified], or [raw, rectified]"
+            f"{kind} needs two cameras of the same focal lengths and principal point, and those of "
+            f"{left.name} and {right.name} differ"
+        )
+    if not _is_straight(pair):
+        bent = next(camera for camera in (left, right) if not straight_stream(camera))
+        raise ExportError(
+            f"{kind} needs pictures without distortion, and those of {bent.name} have "
+            f"{bent.distortion[0]}: record with images: [rectified], or [raw, rectified]"
         )
     return pair
+
+
+def deep_cameras(recording: Recording) -> tuple[RecordedCamera, ...]:
+    """The cameras with true depth: the TUM layout is of one of them (`one_of`)."""
+    return tuple(one for one in recording.cameras if "depth" in one.channels)
 
 
 def eight_bits(picture: NDArray[Any], bits: int) -> NDArray[np.uint8]:

@@ -57,10 +57,14 @@ class StereoPair:
     """Their distance [m]."""
 
     @property
+    def alike(self) -> bool:
+        """Whether both have the same focal lengths and principal point."""
+        return bool(np.array_equal(self.left.intrinsics, self.right.intrinsics))
+
+    @property
     def rectified(self) -> bool:
         """Whether both pictures are those of one pinhole, moved along its rows."""
-        same = np.array_equal(self.left.intrinsics, self.right.intrinsics)
-        return self.left.straight and self.right.straight and same
+        return self.left.straight and self.right.straight and self.alike
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

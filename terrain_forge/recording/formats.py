@@ -111,9 +111,9 @@ def _state(store: Store) -> tuple[str, list[str]]:
 def _like_tum(
     made: Mapping[str, Any], formats: Mapping[str, Mapping[str, Any]]
 ) -> Mapping[str, Any]:
-    """Options of the calibration: the factor of depth of `tum`, if that is or comes there."""
+    """Options of the calibration: camera and factor of `tum`, if that is or comes there."""
     options = formats.get("tum", made.get("tum", {}).get("options", {}))
-    return {name: value for name, value in options.items() if name == "depth_factor"}
+    return {name: value for name, value in options.items() if name in ("camera", "depth_factor")}
 
 
 def _tell(progress: Progress, name: str, _: str, share: float) -> None:

@@ -9,7 +9,13 @@ from typing import Any, ClassVar, Literal
 
 from terrain_forge.base import ExportError, FileName, Progress, Spec
 from terrain_forge.datasets import sizes
-from terrain_forge.datasets.pictures import picture_losses, truth_stream, write_depth, write_picture
+from terrain_forge.datasets.pictures import (
+    deep_cameras,
+    picture_losses,
+    truth_stream,
+    write_depth,
+    write_picture,
+)
 from terrain_forge.datasets.poses import tum_text
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.sizes import Footprint
@@ -84,7 +90,7 @@ class Tum(DatasetWriter):
 
 
 def _camera(recording: Recording, options: Options) -> RecordedCamera:
-    deep = tuple(c for c in recording.cameras if "depth" in c.channels)
+    deep = deep_cameras(recording)
     if recording.cameras and not deep:
         raise ExportError("tum needs depth of a camera: record with channels: [depth]")
     return one_of(deep, options.camera or "", "camera with depth", "tum")

@@ -44,12 +44,13 @@ def orb_slam_files(rig: Rig) -> dict[str, str]:
         found["orbslam3/times.txt"] = "".join(f"{stamp}\n" for stamp in stamps)
         own = lines(_pinhole(camera, 1, straight=False))
         found["orbslam3/mono.yaml"] = OPENCV + _head(_kind(camera)) + own + _end(camera)
-        if "depth" in camera.channels and (straight_stream(camera) or _kind(camera) == "PinHole"):
-            found["orbslam3/rgbd.yaml"] = _rgbd(rig, camera)
+    if (deep := rig.deep) and (straight_stream(deep) or _kind(deep) == "PinHole"):
+        found["orbslam3/rgbd.yaml"] = _rgbd(rig, deep)
     if pair := rig.pair:
         found["orbslam3/stereo.yaml"] = OPENCV + _stereo(pair) + _end(pair.left)
-        found["orbslam3/stereo_rectified.yaml"] = OPENCV + _rectified(pair) + _end(pair.left)
-        found["orbslam2/stereo_kitti.yaml"] = _second(pair)
+        if pair.alike:
+            found["orbslam3/stereo_rectified.yaml"] = OPENCV + _rectified(pair) + _end(pair.left)
+            found["orbslam2/stereo_kitti.yaml"] = _second(pair)
         if rig.imu:
             text = remark(*rig.built_in("ORB-SLAM3")) + _stereo(pair) + _inertial(rig, pair)
             found["orbslam3/stereo_inertial.yaml"] = OPENCV + text + _end(pair.left)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from terrain_forge.base import Array
-from terrain_forge.datasets.pictures import pair_of
+from terrain_forge.datasets.pictures import deep_cameras, pair_of
 from terrain_forge.datasets.reader import Recording, StereoPair
 from terrain_forge.datasets.streams import RecordedCamera, RecordedSensor
 
@@ -37,6 +37,8 @@ class Rig:
     """The recording."""
     depth_factor: float = 5000.0
     """Values in a metre of depth pictures in the TUM layout."""
+    depth_camera: str = ""
+    """The camera of the TUM layout, by its name or folder; that which it has by default."""
 
     @cached_property
     def pair(self) -> StereoPair | None:
@@ -49,6 +51,13 @@ class Rig:
         if self.pair:
             return self.pair.left, self.pair.right
         return self.recording.cameras[:1]
+
+    @cached_property
+    def deep(self) -> RecordedCamera | None:
+        """The camera of the TUM layout."""
+        deep = (one for one in deep_cameras(self.recording) if one.span)
+        asked = self.depth_camera
+        return next((one for one in deep if asked in ("", one.key, one.name)), None)
 
     @cached_property
     def imu(self) -> RecordedSensor | None:

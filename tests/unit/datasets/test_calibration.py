@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from terrain_forge.base import ExportError
 from terrain_forge.datasets import calibration_files, open_recording, write_dataset
 from tests.helpers.recordings import BASELINE, FOCAL, GRAVITY, IMU, LEFT, LIDAR, write_recording
 
@@ -160,7 +161,9 @@ def test_factor_of_depth(tmp_path):
         options = {"depth_factor": factor}
         write_dataset(folder, "calibration", tmp_path / str(factor), options)
         files = {"README.txt": (tmp_path / str(factor) / "README.txt").read_bytes()}
-        assert f"the TUM layout with {factor} values in a metre: orbslam3/rgbd" in told(files)
+        assert f"the TUM layout of cam0 with {factor} values in a metre: orbslam3/rgbd" in told(
+            files
+        )
         rgbd = opencv((tmp_path / str(factor) / "orbslam3" / "rgbd.yaml").read_bytes())
         assert rgbd.getNode("RGBD.DepthMapFactor").real() == factor
 
@@ -185,3 +188,47 @@ def test_a_fifth_coefficient_is_told(tmp_path):
     }
     assert b"k3, which Kalibr, OpenVINS" in files["README.txt"]
     assert opencv(files["orbslam3/stereo.yaml"]).getNode("Camera1.k3").real() == 0.01
+
+
+def changed(folder, key, about=(), channels=None):
+    """Changes what a recording tells of a camera."""
+    path = folder / "mav0" / key / "sensor.yaml"
+    path.write_text(json.dumps(json.loads(path.read_text()) | dict(about)))
+    if channels is not None:
+        index = json.loads((folder / "dataset.json").read_text())
+        (stream,) = [one for one in index["streams"] if one["folder"].endswith(key)]
+        stream["channels"] = channels
+        (folder / "dataset.json").write_text(json.dumps(index))
+
+
+def test_rgbd_is_of_the_camera_whose_pictures_tum_has(tmp_path):
+    """Not of the pair's left one, if that has no depth, or where another one is named."""
+    folder = write_recording(tmp_path / "dataset", seconds=0.4, lidar=False)
+    changed(folder, "cam1", {"intrinsics": [44.0, 45.0, 30.0, 20.0]})
+
+    def focal(name, **options):
+        write_dataset(folder, "calibration", tmp_path / name, options)
+        text = (tmp_path / name / "README.txt").read_text()
+        key = {FOCAL: "cam0", 44.0: "cam1"}
+        found = opencv((tmp_path / name / "orbslam3" / "rgbd.yaml").read_bytes())
+        assert f"TUM layout of {key[found.getNode('Camera1.fx').real()]} with" in text
+        return found.getNode("Camera1.fx").real()
+
+    assert focal("default") == FOCAL
+    assert focal("named", camera="stereo_right") == 44.0
+    changed(folder, "cam0", channels={"data": {}})
+    assert focal("other") == 44.0
+    with pytest.raises(ExportError, match="no camera with depth 'stereo_left'"):
+        write_dataset(folder, "calibration", tmp_path / "none", {"camera": "stereo_left"})
+
+
+def test_a_pair_of_unequal_lenses_has_no_files_of_equal_ones(tmp_path):
+    folder = write_recording(tmp_path / "dataset", seconds=0.4, lidar=False)
+    changed(folder, "cam1", {"intrinsics": [44.0, 45.0, 30.0, 20.0]})
+    recording = open_recording(folder)
+    files = calibration_files(recording)
+    assert not {"orbslam3/stereo_rectified.yaml", "orbslam2/stereo_kitti.yaml"} & files.keys()
+    assert "Focal lengths or principal points of cam0 and cam1 differ" in told(files)
+    assert opencv(files["orbslam3/stereo.yaml"]).getNode("Camera2.fx").real() == 44.0
+    with pytest.raises(ExportError, match="those of stereo_left and stereo_right differ"):
+        write_dataset(recording, "kitti", tmp_path / "kitti")
