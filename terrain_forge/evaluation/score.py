@@ -93,7 +93,8 @@ class Score(Record):
     poses: int
     """Poses that were paired with the truth."""
     tracked: float
-    """Part of the truth's duration in which the system told poses without a gap, 0 to 1."""
+    """Part of the truth's duration, without its gaps, in which the system told poses without one, 0
+    to 1."""
     length: float
     """Length of the true path where there are paired poses [m]."""
     scale: float
@@ -177,7 +178,8 @@ def score_poses(
     ate = spread(errors)
     assert ate is not None
     usual_step = float(np.median(np.diff(truth.time)))
-    gaps = _gaps(true.time, truth.time, max(options.gap_s, _SPARSE * usual_step))
+    lacking = max(options.gap_s, _SPARSE * usual_step)
+    gaps = _gaps(true.time, truth.time, lacking)
     gaps += _gaps(laid.time, estimate.time, options.gap_s)
     lengths, pairs = _segments(
         true, laid, gaps, over=options.drift_over_m, apart=options.stations_m
@@ -188,7 +190,7 @@ def score_poses(
         name=estimate.name,
         options=tuple(vars(options).items()),
         poses=len(true.time),
-        tracked=_tracked(truth, estimate, options.gap_s),
+        tracked=_tracked(truth, estimate, options.gap_s, lacking),
         length=float(true.stations[-1]),
         scale=float(portable.norm(motion[:3, 0])) if options.scale else 1.0,
         alignment=motion,
@@ -205,11 +207,18 @@ def score_poses(
     )
 
 
-def _tracked(truth: TimedPoses, estimate: TimedPoses, gap: float) -> float:
-    within = (estimate.time >= truth.time[0]) & (estimate.time <= truth.time[-1])
-    steps = np.diff(estimate.time[within])
-    whole = float(truth.time[-1] - truth.time[0])
-    return min(float(steps[steps <= gap + SAME_TIME].sum()) / whole, 1.0)
+def _tracked(truth: TimedPoses, estimate: TimedPoses, gap: float, lacking: float) -> float:
+    """Part of the time in which there is truth that has poses no farther apart than a gap [s].
+
+    There is none between two true poses that are farther apart than `lacking` [s].
+    """
+    ends = np.flatnonzero(np.diff(truth.time) > lacking + SAME_TIME)
+    begins, lasts = truth.time[np.r_[0, ends + 1]], truth.time[np.r_[ends, -1]]
+    piece = np.searchsorted(begins, estimate.time, side="right") - 1
+    within = (piece >= 0) & (estimate.time <= lasts[piece])
+    steps, moves = np.diff(estimate.time[within]), np.diff(piece[within])
+    followed = steps[(steps <= gap + SAME_TIME) & (moves == 0)]
+    return min(float(followed.sum()) / float((lasts - begins).sum()), 1.0)
 
 
 def _gaps(time: Array, of: Array, gap: float) -> NDArray[np.intp]:

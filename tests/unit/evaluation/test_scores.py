@@ -196,6 +196,17 @@ def test_a_sparse_truth_is_no_gap_of_the_system():
     assert score_poses(lost, told).drift.count < score_poses(truth, told).drift.count
 
 
+def test_a_gap_of_the_truth_is_no_loss_of_the_system():
+    """Of a recording of two parts; what is told in between is not asked for, what lacks is."""
+    whole = _circle()
+    kept = np.flatnonzero((whole.time < 60.0) | (whole.time >= 180.0))
+    truth = whole.select(kept)
+    assert score_poses(truth, truth).tracked == 1.0
+    assert score_poses(truth, whole).tracked == 1.0
+    late = whole.select(np.flatnonzero(whole.time >= 60.0))
+    assert score_poses(truth, late).tracked == pytest.approx(0.5, abs=0.002)
+
+
 def test_truth_is_not_interpolated_across_its_gaps():
     truth = _circle(count=2400)
     told = truth.replace(time=truth.time + 0.05)
