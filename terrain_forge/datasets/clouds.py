@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import inverse_pose
+from terrain_forge.base import ExportError, inverse_pose
 from terrain_forge.datasets.poses import Poses, Stamps
 from terrain_forge.datasets.reader import Recording
 from terrain_forge.datasets.streams import RecordedLidar
@@ -57,6 +57,25 @@ def packed(points: NDArray[Any], layout: Layout, ring_bits: int = 8) -> NDArray[
     squares = sum(points[name].astype(np.float64) ** 2 for name in ("x", "y", "z"))
     found["range"] = np.rint(1000.0 * np.sqrt(squares))
     return found
+
+
+def require_held(lidar: RecordedLidar, kind: str, ring_bits: int) -> None:
+    """Refuse a lidar whose rings or times Ouster's layout cannot hold.
+
+    Raises:
+        ExportError: says which.
+    """
+    rings = int(lidar.numbers("rings", (1,))[0])
+    if rings > 2**ring_bits:
+        raise ExportError(
+            f"{kind}: {lidar.name} has {rings} rings, of which Ouster's layout holds "
+            f"{2**ring_bits}: give it ring_bits: 16, or cloud: velodyne"
+        )
+    if 1.0 / lidar.rate >= 2**32 * 1e-9 and not lidar.about.get("snapshot"):
+        raise ExportError(
+            f"{kind}: a sweep of {lidar.name} lasts {1.0 / lidar.rate:g} s, times of Ouster's "
+            "layout end at 4.29 s: give it cloud: velodyne"
+        )
 
 
 def _ouster(ring_bits: int) -> np.dtype[Any]:

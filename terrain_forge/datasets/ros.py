@@ -22,10 +22,12 @@ from terrain_forge.base import (
 )
 from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import (
+    Layout,
     layout_of,
     layout_of_preset,
     packed,
     point_size,
+    require_held,
 )
 from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
 from terrain_forge.datasets.poses import Poses, rates, velocities
@@ -94,10 +96,13 @@ class RosBag(DatasetWriter):
     """The module."""
 
     def check(self, recording: Recording, options: Any) -> None:
-        """Refuse names of sensors that were not recorded."""
+        """Refuse names of sensors that were not recorded, and clouds that a layout cannot hold."""
         needed(self.library, f"the format {self.kind}")
         for name in options.sensors:
             recording.sensor(name)
+        for one in _written(recording, options):
+            if isinstance(one, RecordedLidar) and _layout(recording, one, options) == "ouster":
+                require_held(one, self.kind, options.ring_bits)
 
     def size(self, footprints: Sequence[Footprint], options: Any) -> float:
         """Of pictures each value, of clouds each point, of all else messages of one length."""
@@ -307,8 +312,7 @@ class RosMessages:
         )
 
     def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
-        asked = self.options.cloud
-        layout = layout_of(self.recording, lidar) if asked == "lidar" else asked
+        layout = _layout(self.recording, lidar, self.options)
 
         def clouds() -> Iterator[Pair]:
             for index, stamp in enumerate(lidar.stamps.tolist()):
@@ -391,6 +395,11 @@ def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
     named = {recording.sensor(name).key for name in options.sensors}
     chosen = (s for s in recording.sensors if not named or s.key in named)
     return [s for s in chosen if options.pictures or not isinstance(s, RecordedCamera)]
+
+
+def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
+    """The layout of a lidar's clouds."""
+    return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
 
 
 def projection_of(recording: Recording, camera: RecordedCamera) -> Array:

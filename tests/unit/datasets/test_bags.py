@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 
 import numpy as np
 import pytest
 
-from terrain_forge.base import placed
+from terrain_forge.base import ExportError, placed
 from terrain_forge.datasets import write_dataset
 from tests.helpers.recordings import (
     BASELINE,
@@ -269,6 +270,29 @@ def test_layout_of_ouster(recording, tmp_path):
     reach = np.sqrt(sum(sweep[a].astype(float) ** 2 for a in "xyz"))
     np.testing.assert_allclose(points["range"], 1000 * reach, atol=0.5)
     assert (np.diff(points["t"].astype(np.int64)) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("figures", "options", "why"),
+    [
+        ({"rings": 300}, {}, "lidar has 300 rings, of which Ouster's layout holds 256"),
+        ({"rate_hz": 0.2}, {}, "a sweep of lidar lasts 5 s, times of Ouster's layout end at 4.29"),
+        ({"rings": 300}, {"ring_bits": 16}, ""),
+        ({"rate_hz": 0.2, "snapshot": True}, {}, ""),
+        ({"rings": 300, "rate_hz": 0.2}, {"cloud": "velodyne"}, ""),
+        ({"rings": 300}, {"sensors": ["imu"]}, ""),
+    ],
+)
+def test_what_the_layout_of_ouster_cannot_hold_is_refused(tmp_path, figures, options, why):
+    """Numbers that are too large would begin anew at 0."""
+    folder = write_recording(tmp_path / "dataset", seconds=0.4, preset="os1-64")
+    path = folder / "mav0" / "lidar0" / "sensor.yaml"
+    path.write_text(json.dumps(json.loads(path.read_text()) | figures))
+    if not why:
+        write_dataset(folder, "rosbag1", tmp_path / "bag", options)
+        return
+    with pytest.raises(ExportError, match=re.escape(why)):
+        write_dataset(folder, "rosbag1", tmp_path / "bag", options)
 
 
 def test_tables_of_other_sensors(tmp_path):
