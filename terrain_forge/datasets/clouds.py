@@ -71,9 +71,9 @@ def require_held(lidar: RecordedLidar, kind: str, ring_bits: int) -> None:
             f"{kind}: {lidar.name} has {rings} rings, of which Ouster's layout holds "
             f"{2**ring_bits}: give it ring_bits: 16, or cloud: velodyne"
         )
-    if 1.0 / lidar.rate >= 2**32 * 1e-9 and not lidar.about.get("snapshot"):
+    if lidar.sweep_s >= 2**32 * 1e-9 and not lidar.about.get("snapshot"):
         raise ExportError(
-            f"{kind}: a sweep of {lidar.name} lasts {1.0 / lidar.rate:g} s, times of Ouster's "
+            f"{kind}: a sweep of {lidar.name} lasts {lidar.sweep_s:g} s, times of Ouster's "
             "layout end at 4.29 s: give it cloud: velodyne"
         )
 
@@ -109,7 +109,7 @@ class LidarMotion:
             ExportError: if it sits on a link whose motion was not recorded.
         """
         self._lidar, (self._carrier, self._pose) = lidar, recording.carrier(lidar)
-        self.length = 0 if lidar.about.get("snapshot") else round(1e9 / lidar.rate)
+        self.length = 0 if lidar.about.get("snapshot") else round(1e9 * lidar.sweep_s)
         """How long a sweep lasts [ns]; a snapshot is all at its begin."""
 
     def covers(self, begin: int) -> bool:

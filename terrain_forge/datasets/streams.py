@@ -313,6 +313,16 @@ class RecordedCamera(RecordedSensor):
 class RecordedLidar(RecordedSensor):
     """A lidar's sweeps: points in its frame at each point's own time."""
 
+    @cached_property
+    def sweep_s(self) -> float:
+        """How long a sweep takes [s]; a look at a recording has but some of the sweeps."""
+        if "sweep_s" not in self.about:  # of an earlier version
+            return 1.0 / self.rate
+        found = float(self.numbers("sweep_s", (1,))[0])
+        if found <= 0.0:
+            raise DataError(f"sweep_s of {self.place}: {found:g}, it must be above 0")
+        return found
+
     @property
     def codes(self) -> Mapping[str, Any]:
         """Instances that are no rock's: what a point is on, and its number."""

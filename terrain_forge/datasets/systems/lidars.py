@@ -79,7 +79,7 @@ def _lio_sam(rig: Rig, lidar: RecordedLidar) -> str:
     layout = layout_of(rig.recording, lidar)
     turn = portable.product(inverse_pose(lidar.body_pose), rig.imu.body_pose)
     topic = "/velodyne_points" if layout == "velodyne" else "/ouster/points"
-    columns = round(1.0 / (lidar.rate * float(lidar.numbers("column_period_s", (1,))[0])))
+    columns = int(lidar.sweep_s / float(lidar.numbers("column_period_s", (1,))[0]) + 1e-6)
     told = {
         "pointCloudTopic": f'"{topic}"',
         "imuTopic": f'"/{rig.imu.key}"',

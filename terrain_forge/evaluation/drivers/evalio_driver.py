@@ -16,6 +16,7 @@ from recorded import (
     figure,
     own_work,
     quaternion_of,
+    sweep_s,
     sweeps,
     table,
     tell_own_work,
@@ -80,7 +81,7 @@ def prepared(
             num_columns=columns,
             min_range=figure(dataset, lidar, "range_min_m"),
             max_range=figure(dataset, lidar, "range_max_m"),
-            rate=figure(dataset, lidar, "rate_hz"),
+            rate=1.0 / sweep_s(dataset, lidar),
         )
     )
     base = np.eye(4)
@@ -113,8 +114,8 @@ def imu_of(dataset: Path) -> str:
 
 def main(dataset: Path, output: Path, lidar: str, kind: str, words: list[str]) -> None:
     """Lead all sweeps, and what the IMU felt until their ends, through the pipeline."""
-    rate, column_s = (figure(dataset, lidar, key) for key in ("rate_hz", "column_period_s"))
-    rings, columns = int(figure(dataset, lidar, "rings")), int(1.0 / (rate * column_s) + 1e-6)
+    turn_s, column_s = sweep_s(dataset, lidar), figure(dataset, lidar, "column_period_s")
+    rings, columns = int(figure(dataset, lidar, "rings")), int(turn_s / column_s + 1e-6)
     pipeline = prepared(kind, words, dataset, lidar, rings=rings, columns=columns)
     grid = Grid(rings, columns, column_s)
     imu = imu_of(dataset)
@@ -122,7 +123,7 @@ def main(dataset: Path, output: Path, lidar: str, kind: str, words: list[str]) -
     row = 0
     with output.open("w", encoding="utf-8") as file:
         for stamp, points in sweeps(dataset, lidar):
-            while row < len(stamps) and stamps[row] <= stamp + 1e9 / rate:
+            while row < len(stamps) and stamps[row] <= stamp + 1e9 * turn_s:
                 when = types.Stamp.from_nsec(int(stamps[row]))
                 gyro, force = felt[row, :3].copy(), felt[row, 3:6].copy()
                 pipeline.add_imu(types.ImuMeasurement(when, gyro, force))

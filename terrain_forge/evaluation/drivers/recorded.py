@@ -67,6 +67,14 @@ def figure(dataset: Path, sensor: str, key: str) -> float:
     return float(found[1])
 
 
+def sweep_s(dataset: Path, lidar: str) -> float:
+    """How long a sweep takes [s]; a look at a recording has but some of the sweeps."""
+    text = (dataset / "mav0" / lidar / "sensor.yaml").read_text(encoding="utf-8")
+    if "sweep_s" in text:
+        return figure(dataset, lidar, "sweep_s")
+    return 1.0 / figure(dataset, lidar, "rate_hz")  # of an earlier version
+
+
 def about(dataset: Path) -> dict[str, Any]:
     """What dataset.json says."""
     told: dict[str, Any] = json.loads((dataset / "dataset.json").read_text(encoding="utf-8"))

@@ -13,6 +13,7 @@ from recorded import (
     about,
     figure,
     own_work,
+    sweep_s,
     sweeps,
     table,
     tell_own_work,
@@ -36,7 +37,7 @@ def main(dataset: Path, output: Path, lidar: str, words: list[str]) -> None:
         setattr(config, key, new)
     odometry = LIO(config)
     mounted = np.linalg.inv(transform(dataset, told["body"])) @ transform(dataset, lidar)
-    period = round(1e9 / figure(dataset, lidar, "rate_hz"))
+    period = round(1e9 * sweep_s(dataset, lidar))
     stamps, felt = table(dataset, told["body"])
     row = 0
     for stamp, points in sweeps(dataset, lidar):

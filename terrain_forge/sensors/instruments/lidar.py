@@ -67,6 +67,7 @@ class Lidar(Frames):
             "azimuth_offsets_deg": [float(offset) for offset in offsets],
             "firing_times_s": beams.table[:, DELAY].tolist(),
             "column_period_s": lidar.column_s,
+            "sweep_s": 1.0 / lidar.rate_hz,
             "prism_rpm": list(lidar.prism_rpm or ()),
             "prism_deviations_deg": list(lidar.prism_deviations_deg),
             "beam_origin_m": lidar.beam_origin_m,

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 
 from terrain_forge.base import ExportError
 from terrain_forge.datasets import calibration_files, open_recording, write_dataset
+from terrain_forge.datasets.clouds import LidarMotion
 from tests.helpers.recordings import BASELINE, FOCAL, GRAVITY, IMU, LEFT, LIDAR, write_recording
 
 BENT = {
@@ -191,7 +192,7 @@ def test_a_fifth_coefficient_is_told(tmp_path):
 
 
 def changed(folder, key, about=(), channels=None):
-    """Changes what a recording tells of a camera."""
+    """Changes what a recording tells of a sensor."""
     path = folder / "mav0" / key / "sensor.yaml"
     path.write_text(json.dumps(json.loads(path.read_text()) | dict(about)))
     if channels is not None:
@@ -232,3 +233,17 @@ def test_a_pair_of_unequal_lenses_has_no_files_of_equal_ones(tmp_path):
     assert opencv(files["orbslam3/stereo.yaml"]).getNode("Camera2.fx").real() == 44.0
     with pytest.raises(ExportError, match="those of stereo_left and stereo_right differ"):
         write_dataset(recording, "kitti", tmp_path / "kitti")
+
+
+def test_a_look_has_the_columns_and_the_length_of_each_of_its_sweeps(tmp_path):
+    """It has every other sweep, and none takes longer for that."""
+    folder = write_recording(tmp_path / "dataset", seconds=0.4)
+
+    def told():
+        recording = open_recording(folder)
+        lio = plain(calibration_files(recording)["lio_sam/params.yaml"])["lio_sam"]
+        return lio["Horizon_SCAN"], LidarMotion(recording, recording.lidars[0]).length
+
+    assert told() == (90, 100_000_000)
+    changed(folder, "lidar0", {"rate_hz": 5.0, "sweep_s": 0.1})
+    assert told() == (90, 100_000_000)

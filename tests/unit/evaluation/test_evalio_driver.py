@@ -71,13 +71,14 @@ class Fake:
 PERIODS = {
     "vlp-16": (16, 55.296e-6, 1808),
     "even": (4, 0.1 / 90, 90),
+    "look": (4, 0.1 / 90, 90),
     "snapshot": (64, 0.1 / 1800, 1800),
 }
 """Rings, time from column to column [s], columns."""
 
 
 @pytest.mark.parametrize(
-    "kind", ["vlp-16", "even", pytest.param("snapshot", marks=pytest.mark.slow)]
+    "kind", ["vlp-16", "even", "look", pytest.param("snapshot", marks=pytest.mark.slow)]
 )
 def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
     rings, column_s, columns = PERIODS[kind]
@@ -89,6 +90,8 @@ def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
     (folder / "data").mkdir(parents=True)
     about = {"rate_hz": 10.0, "rings": rings, "column_period_s": column_s}
     about |= {"range_min_m": 0.9, "range_max_m": 130.0}
+    if kind == "look":  # which has every other sweep
+        about |= {"rate_hz": 5.0, "sweep_s": 0.1}
     (folder / "sensor.yaml").write_text(json.dumps(about))
     (folder / "data.csv").write_text("#timestamp [ns],filename\n1000,1000.npy\n")
     ring, column = (part.ravel() for part in np.mgrid[:rings, :columns])

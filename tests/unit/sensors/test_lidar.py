@@ -359,6 +359,8 @@ def test_its_files_are_arrays_of_points(hill):
     told = json.loads(json.dumps(instrument.calibration()))
     assert told["rings"] == len(told["elevations_deg"]) == len(told["firing_times_s"]) == 16
     assert [stream.name for stream in instrument.streams()] == ["data"]
+    told = instrument.calibration()
+    assert told["sweep_s"] == pytest.approx(1.0 / instrument.sensor.rate_hz)
 
 
 def test_a_motion_shorter_than_a_sweep_is_refused(hill):
