@@ -172,9 +172,7 @@ def _effect(
 
 def _others(outcome: Outcome, factor: str) -> tuple[Any, ...]:
     """What a cell has in common with those that it is compared with."""
-    levels = tuple(pair for pair in outcome.cell.levels if pair[0] != factor)
-    recipe = dict(outcome.cell.levels).get("recipe", "")
-    return levels, outcome.cell.seed if factor != "recipe" else recipe
+    return tuple(pair for pair in outcome.cell.levels if pair[0] != factor), outcome.cell.seed
 
 
 def effect_rows(effects: Sequence[Effect], *measures: str) -> list[list[str]]:

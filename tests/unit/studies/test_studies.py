@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -133,6 +134,24 @@ def test_recipes_are_a_factor_and_levels_may_set_several_keys(written, tmp_path)
     rough = [cell for cell in study.cells if dict(cell.levels)["wheels"] == "rough"]
     assert {cell.job["record"]["to_s"] for cell in rough} == {4}
     assert {cell.recipe.recipe.sensors[1].slip for cell in rough} == {0.3}
+
+
+def test_recipes_are_compared_by_worlds_of_the_same_seed(written, tmp_path):
+    file = written(
+        ("recipe: plain.yaml", "recipes: [plain.yaml, other.yaml]"), ("seeds: 2", "seeds: [5, 6]")
+    )
+    shutil.copy(tmp_path / "plain.yaml", tmp_path / "other.yaml")
+    study = study_of(read_study(file))
+    results = [
+        _result(cell.seed * (3.0 if "other" in dict(cell.levels)["recipe"] else 1.0))
+        for cell in study.cells
+    ]
+    outcomes = outcomes_of(study, results)
+    other = next(
+        one for one in effects_of(study, outcomes)
+        if one.factor == "recipe" and "other" in one.level and one.measure == "ATE"
+    )  # fmt: skip
+    np.testing.assert_allclose(other.ratios, [3.0] * 8)
 
 
 def test_a_rig_that_the_rover_brings_has_factors_too(written, tmp_path):
