@@ -41,6 +41,9 @@ TIPPED = math.radians(60.0)
 STUCK_TIME, STUCK_WAY, STUCK_TURN = 5.0, 0.1, math.radians(15.0)
 """A rover is stuck that is nearer than so far [m] to where it was so long ago [s], and whose
 heading is less than so much [rad] from what it was then, whole turns counted."""
+_BAD = ("QPOS", "QVEL", "QACC")
+_UNSTABLE = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in _BAD]
+"""Warnings after which MuJoCo has put the rover where its model has it."""
 _SETTLING = 0.5
 _TRIES = 200
 
@@ -78,12 +81,13 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         sight: Literal["heights", "depth", "none"] = "heights",
         render_mode: str | None = None,
     ) -> None:
+        numbers = tuple(numbers) if isinstance(numbers, Iterable) else numbers
         require_request(
             Arguments,
             {
                 "difficulty": difficulty,
                 "worlds": worlds,
-                "numbers": tuple(numbers) if isinstance(numbers, Iterable) else numbers,
+                "numbers": numbers,
                 "distance_m": distance_m,
                 "speed_m_s": speed_m_s,
                 "sight": sight,
@@ -223,13 +227,14 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         run = np.minimum(data.act[parts.activations], held + parts.reach)
         data.act[parts.activations] = np.maximum(run, held - parts.reach)
         self._time += tick
-        way = self._to_goal()
+        stable = not data.warning.number[_UNSTABLE].any()
+        way = self._to_goal() if stable else self._way
         reward = self._way - way - TIME_COST * tick
         self._way = way
         self._trail.append(self._place())
         last = self._headings[-1]
         self._headings.append(last + math.remainder(self._heading() - last, math.tau))
-        why = self._ended()
+        why = self._ended() if stable else "unstable"
         if why:
             reward += ARRIVED if why == "arrived" else FAILED
         truncated = not why and self._time >= self._limit

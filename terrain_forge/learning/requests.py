@@ -22,8 +22,6 @@ from terrain_forge.variation import ORDER, read_summary, worlds_in
 
 _SHOWN = 5
 """Worlds that are not there that a message names."""
-Difficulty = tuple[Fraction, Fraction] | None
-"""Between which difficulties; None for all."""
 
 
 def _plain(given: Any) -> Any:
@@ -43,6 +41,12 @@ _Number = Annotated[NonNegativeInt, Strict(), BeforeValidator(_plain)]
 """A world's number, also one of NumPy's; no truth value, as a mask would have."""
 
 
+_Length = Annotated[Positive, Strict(), BeforeValidator(_plain)]
+_Level = Annotated[Fraction, Strict(), BeforeValidator(_plain)]
+Difficulty = tuple[_Level, _Level] | None
+"""Between which difficulties; None for all."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Wished:
     """Which worlds are wished."""
@@ -56,8 +60,8 @@ class Arguments(Wished):
 
     worlds: Path | None
     numbers: tuple[_Number, ...] | None
-    distance_m: Positive
-    speed_m_s: Positive
+    distance_m: _Length
+    speed_m_s: _Length
     sight: Literal["heights", "depth", "none"]
     render_mode: Literal["rgb_array"] | None
 

@@ -129,6 +129,26 @@ def test_a_rover_that_turned_in_the_last_seconds_is_not_stuck(made):
     assert 75 < steps < 95  # five seconds after all but 15 degrees of its turn
 
 
+@pytest.mark.parametrize("what", ["qpos", "qvel"])
+def test_a_simulation_that_breaks_is_a_failure(made, what):
+    env = make(made).unwrapped
+    env.reset(seed=1)
+    env.step(np.zeros(2, np.float32))
+    getattr(env.arena.data, what)[0] = 1e11  # MuJoCo then puts all where it was at first
+    seen, reward, ended, late, told = env.step(np.zeros(2, np.float32))
+    assert (ended, late, told["ended"]) == (True, False, "unstable")
+    assert reward == pytest.approx(-5.0 - 0.05 * 0.1)
+    assert env.observation_space.contains(seen)
+    env.reset(seed=1)
+    assert not env.step(np.zeros(2, np.float32))[2]
+
+
+def test_numbers_may_be_told_one_by_one(made):
+    env = learning.DriveEnv(made.directory, numbers=(n for n in (1,)))
+    assert [folder.name for folder in env.folders] == [name_of(1)]
+    assert learning.DriveEnv(made.directory, distance_m=np.float32(3.0), difficulty=[0, 1])
+
+
 def test_a_drive_ends_once_a_wheel_is_beyond_the_border(made):
     env = make(made).unwrapped
     env.reset(seed=3)
@@ -237,6 +257,9 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         ({"numbers": [0.5]}, r"numbers\[0\]: "),
         ({"numbers": 5}, "numbers: must be a list, found 5"),
         ({"worlds": 123}, "worlds: must be a path, found 123"),
+        ({"distance_m": "5"}, "distance_m: must be a valid number"),
+        ({"speed_m_s": True}, "speed_m_s: must be a valid number"),
+        ({"difficulty": ("0", "1")}, r"difficulty\[0\]: must be a valid number"),
     ],
 )
 def test_an_argument_that_cannot_be_is_named(made, given, why):
