@@ -125,7 +125,7 @@ def draw(
             site = plan(own, folder=folder)
     except (RecipeError, DataError) as error:
         drawn = {key: value for key, value in values.items() if key in spec.vary}
-        raise _due(error, recipe, drawn, folder) from None
+        raise _due(error, recipe, drawn, folder, level) from None
     values["seed"] = own.seed
     return Drawn(number=number, recipe=own, site=site, difficulty=level, values=values)
 
@@ -152,6 +152,7 @@ def require_drawable(recipe: Recipe, folder: Path) -> None:
     """
     spec = recipe.worlds or WorldsSpec()
     keys = _keys(recipe)
+    _require_kept(spec, keys)
     placed = spec.difficulty is not None and spec.difficulty.place is not None
     for key, wish in spec.vary.items():
         where = ("worlds", "vary", key)
@@ -198,6 +199,22 @@ def _keys(recipe: Recipe) -> dict[str, Key]:
     return {key: tuple(numbered(plain, key.split("."))) for key in spec.vary}
 
 
+def _require_kept(spec: WorldsSpec, keys: dict[str, Key]) -> None:
+    """Refuse a key that takes the place of what another has drawn, which no world would have.
+
+    Raises:
+        RecipeError: names both.
+    """
+    order = sorted(keys, key=lambda name: spec.vary[name] == "anywhere")  # placed last of all
+    for n, name in enumerate(order):
+        for lost in order[:n]:
+            if keys[lost][: len(keys[name])] == keys[name]:
+                raise RecipeError(
+                    f"takes the place of what worlds.vary.{lost} draws: leave one out",
+                    key=("worlds", "vary", name),
+                )
+
+
 def _wrong(
     own: Recipe, spec: WorldsSpec, folder: Path, *, whole: bool
 ) -> RecipeError | DataError | None:
@@ -224,11 +241,16 @@ def _drawn_wrong(error: RecipeError | DataError, where: Key, value: Any) -> Reci
 
 
 def _due(
-    error: RecipeError | DataError, recipe: Recipe, drawn: dict[str, Any], folder: Path
+    error: RecipeError | DataError,
+    recipe: Recipe,
+    drawn: dict[str, Any],
+    folder: Path,
+    level: float | None,
 ) -> RecipeError | DataError:
     """What is wrong with a drawn world, told at the key of `worlds.vary` to which that is due.
 
-    It is the one that alone makes the recipe wrong, or else the one that the error is about.
+    It is the one that alone makes the recipe wrong, or else the one whose value the error is about.
+    Of others the difficulty is told, where without it nothing is wrong.
     """
     for key, value in drawn.items():
         where, plain = ("worlds", "vary", key), plain_recipe(recipe)
@@ -241,8 +263,10 @@ def _due(
         if wrong is not None and _stands(recipe, folder, whole=True):
             return _drawn_wrong(wrong, where, value)
     for key, place in _keys(recipe).items():
-        if key in drawn and meet(error.key, place):
+        if key in drawn and error.key[: len(place)] == place:
             return _drawn_wrong(error, ("worlds", "vary", key), drawn[key])
+    if level is not None and error.key[:1] != ("worlds",) and _stands(recipe, folder, whole=True):
+        return type(error)(f"in a world of difficulty {level:.3g}: {error}", key=error.key)
     return error
 
 

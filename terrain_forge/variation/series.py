@@ -8,6 +8,7 @@ import math
 import os
 import re
 import shutil
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -152,8 +153,11 @@ def worlds(
             if _LEFT.fullmatch(left.name) and left.is_dir() and not left.is_symlink():
                 shutil.rmtree(left)
         missing = [n for n in range(count) if not (out / name_of(n)).is_dir()]
-        for n in sorted({*range(count)} - {*missing}):
+        whole = sorted({*range(count)} - {*missing})
+        for n in whole:
             _require_whole(out / name_of(n))
+        if whole and missing:
+            _require_inputs(out, draw(recipe, whole[0], folder=folder))
         for world in worlds_in(out):  # the table lists them all in the end
             read_summary(world)
         if missing:
@@ -268,6 +272,18 @@ def _short(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
+def _require_inputs(out: Path, drawn: Drawn) -> None:
+    """Refuse worlds of which an input file was another when they were made.
+
+    Raises:
+        OutputError: names the file.
+    """
+    found, now = read_manifest(out / name_of(drawn.number))["inputs"], dict(drawn.site.inputs)
+    for name in {**found, **now}:
+        if found.get(name) != now.get(name):
+            raise OutputError(f"{out} holds worlds of another {name}: choose another folder")
+
+
 def _require_whole(world: Path) -> None:
     """Refuse a world of which files are gone; whether they were changed, `validate` tells.
 
@@ -375,7 +391,7 @@ def _write_table(out: Path, folders: tuple[Path, ...]) -> None:
             "world": folder.name,
             "seed": one["seed"],
             "difficulty": one["difficulty"],
-            **one["drawn"],
+            **{_column(key, one["measured"]): value for key, value in one["drawn"].items()},
             **one["measured"],
         }
         for folder, one in zip(folders, found, strict=True)
@@ -387,6 +403,11 @@ def _write_table(out: Path, folders: tuple[Path, ...]) -> None:
     for row in rows:
         table.writerow({key: _plain(value) for key, value in row.items()})
     write_whole(out / TABLE, text.getvalue())
+
+
+def _column(key: str, measured: Collection[str]) -> str:
+    """The column of what was drawn, which is not that of something measured."""
+    return f"recipe.{key}" if key in measured else key
 
 
 def _plain(value: Any) -> Any:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -186,6 +188,25 @@ def test_the_table_tells_what_was_drawn(made: Path) -> None:
     head, *rows = (made / "worlds.csv").read_text().splitlines()
     assert len(rows) == 4
     assert {"world", "difficulty", "sun.elevation_deg", "arrive"} <= {*head.split(",")}
+
+
+def test_the_table_tells_what_was_drawn_beside_what_was_measured(tmp_path: Path) -> None:
+    path = recipe(tmp_path, lambda p: p["worlds"].update(vary={"rocks": {"choice": [{}]}}))
+    made = worlds(path, tmp_path / "out", count=1, workers=0)
+    table = (made.directory / "worlds.csv").read_text(encoding="utf-8")
+    (row,) = csv.DictReader(table.splitlines())
+    assert (row["recipe.rocks"], row["rocks"]) == ("{}", "0")
+
+
+def test_a_world_far_larger_than_a_terrain_model_is_refused_at_once(tmp_path: Path) -> None:
+    def change(plain: dict[str, Any]) -> None:
+        plain["dtm"] = {**_SAMPLE, "size_m": [1e8, 8.0]}
+        plain["worlds"]["vary"] = {"dtm.centre": "anywhere"}
+
+    begun = time.process_time()
+    with pytest.raises(tf.DataError, match="fits nowhere on the valid part"):
+        worlds(recipe(tmp_path, change), tmp_path / "out")
+    assert time.process_time() - begun < 1.0
 
 
 def test_fewer_than_are_there_leave_the_others(made: Path, tmp_path: Path) -> None:
@@ -403,6 +424,21 @@ def test_check_tells_what_differs(tmp_path: Path) -> None:
         ({"sun.elevation_deg": {"normal": [10, 80]}}, r"unknown key 'normal'.*uniform\)?$"),
         ({"sun.elevation_deg": "anywhere"}, "only dtm.centre"),
         ({"dtm.centre": "anywhere"}, "no other places"),
+        (
+            {
+                "rocks.populations.0.size_frequency.k": {"uniform": [0.01, 0.02]},
+                "rocks.populations.stones.size_frequency.k": {"uniform": [0.1, 0.2]},
+            },
+            r"takes the place of what worlds\.vary\.rocks\.populations\.0\.size_frequency\.k draws",
+        ),
+        (
+            {"sun.azimuth_deg": {"choice": [1]}, "sun": {"choice": [{"elevation_deg": 9}]}},
+            r"takes the place of what worlds\.vary\.sun\.azimuth_deg draws: leave one out",
+        ),
+        (
+            {"dtm.centre": "anywhere", "dtm.centre.offset_m.0": {"uniform": [0, 9]}},
+            r"takes the place of what worlds\.vary\.dtm\.centre\.offset_m\.0 draws",
+        ),
     ],
 )
 def test_a_wrong_wish_is_told_before_anything_is_written(
@@ -481,6 +517,18 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
         worlds(other, tmp_path / "mine/letter.txt")
     assert contents(made) == before
     assert read_summary(made / name_of(1))["number"] == 1
+
+
+def test_worlds_of_another_input_are_left_alone(tmp_path: Path) -> None:
+    listed = tmp_path / "listed.csv"
+    listed.write_text("x_m,y_m,diameter_m\n0,0,0.5\n", encoding="utf-8")
+    rocks = {"lists": [{"name": "listed", "file": "listed.csv"}]}
+    path = recipe(tmp_path, lambda plain: plain.update(rocks=rocks))
+    worlds(path, tmp_path / "out", count=1, workers=0)
+    listed.write_text("x_m,y_m,diameter_m\n1,1,0.5\n", encoding="utf-8")
+    with pytest.raises(tf.OutputError, match=r"holds worlds of another listed\.csv: choose"):
+        worlds(path, tmp_path / "out", count=2, workers=0)
+    assert worlds(path, tmp_path / "out", count=1, workers=0).made == 0
 
 
 def test_of_two_that_write_one_folder_the_second_is_told(made: Path, tmp_path: Path) -> None:
@@ -627,6 +675,19 @@ def test_a_wrong_draw_is_told_at_its_own_key(
             wrong()
         assert told.value.key == ("worlds", "vary", key)
     assert not (tmp_path / "out").exists()
+
+
+def test_what_a_difficulty_makes_wrong_is_not_told_of_a_draw(tmp_path: Path) -> None:
+    def change(plain: dict[str, Any]) -> None:
+        stones = plain["rocks"]["populations"][0]
+        plain["rocks"]["populations"].append({**stones, "name": "more", "dynamic_m": [0.2, 0.8]})
+        difficulty = {"level": 1.0, "rock_cover": [0.01, 0.4]}
+        vary = {"rocks.populations.0.rgb": {"choice": [None]}}
+        plain["worlds"] |= {"difficulty": difficulty, "vary": vary}
+
+    with pytest.raises(tf.RecipeError, match=r"^in a world of difficulty 1: the rocks") as told:
+        worlds(recipe(tmp_path, change), tmp_path / "out")
+    assert told.value.key == ("rocks", "populations")
 
 
 def test_what_is_wrong_without_a_draw_is_told_at_its_own_key(tmp_path: Path) -> None:
