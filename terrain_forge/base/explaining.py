@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter, ValidationError
 
 _SHAPES = ("tuple[", "dict[")
+_NO_SHAPE = ("tuple_type", "dict_type", "list_type", "model_type", "dataclass_type")
+"""What pydantic calls what is neither a list nor a mapping."""
 _MISSING = ("missing", "missing_argument", "missing_keyword_only_argument")
 _UNION = (*_SHAPES, "literal[", "function-")
 """How pydantic begins the names of nameless union members in a location."""
@@ -111,8 +113,15 @@ def _meant(errors: list[Any], start: int = 1) -> list[Any]:
             found += there
             continue
         inside = [error for error in there if len(error["loc"]) > len(key) + 1]
-        found += _meant(inside, len(key) + 1) or [{**there[0], "type": "list_or_mapping"}]
+        found += _meant(inside, len(key) + 1) or _whole(there, key)
     return found
+
+
+def _whole(errors: list[Any], key: tuple[str | int, ...]) -> list[Any]:
+    """What is wrong with a value of no member of a union; with a single value where one may be."""
+    here = [{**error, "loc": key} for error in errors]
+    single = [error for error in here if error["type"] not in _NO_SHAPE]
+    return single or [{**here[0], "type": "list_or_mapping"}]
 
 
 def _real_key(data: Any, loc: tuple[str | int, ...]) -> Key:

@@ -83,6 +83,25 @@ def test_all_that_is_wrong_is_counted():
 
 
 @pytest.mark.parametrize(
+    ("level", "words"),
+    [
+        (1.5, "must be less than or equal to 1, found 1.5"),
+        ("high", "must be a valid number"),
+        ([0, 2], "must be less than or equal to 1, found 2"),
+        ({"low": 0}, "must be a valid number, found "),
+    ],
+)
+def test_of_a_number_or_two_it_is_told_what_is_wrong(level, words):
+    text = json.dumps({**RECIPE, "worlds": {"difficulty": {"level": level}}})
+    with pytest.raises(ValidationError) as caught:
+        adapter().validate_json(text)
+    told = complaint(caught.value, adapter(), json.loads(text))
+    assert told.key[:3] == ("worlds", "difficulty", "level")
+    assert told.words.startswith(words)
+    assert "float" not in str(told)
+
+
+@pytest.mark.parametrize(
     ("misplaced", "hint"),
     [
         ({"appearance": {}}, "'appearance' (is terrain.appearance meant?), allowed: body"),
