@@ -124,6 +124,7 @@ from .specs import Pair as Pair
 from .specs import Positive as Positive
 from .specs import PositivePair as PositivePair
 from .specs import Spec as Spec
+from .specs import Workers as Workers
 from .specs import documented as documented
 from .specs import is_file_name as is_file_name
 from .specs import refuse_twice as refuse_twice

@@ -46,6 +46,8 @@ Positive = Annotated[float, Interval(ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Interval(ge=0, le=MOST)]
 NearPath = Annotated[float, Interval(ge=0, le=100)]
 Fraction = Annotated[float, Interval(ge=0, le=1)]
+Workers = Annotated[int, Interval(ge=0, le=4096)]
+"""Processes; 0 for this one."""
 Coordinate = Annotated[float, Interval(ge=-FARTHEST, le=FARTHEST)]
 Pair = tuple[Coordinate, Coordinate]
 PositivePair = tuple[Positive, Positive]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from terrain_forge.base import Array, DataError, Stopwatch, checked, silent, stage_key
+from terrain_forge.base import Array, DataError, PositivePair, Stopwatch, checked, silent, stage_key
 from terrain_forge.geometry import grid_faces, grid_vertices
 from terrain_forge.making import make_world
 from terrain_forge.model import World, rotations
@@ -59,9 +59,7 @@ class GroundMaker:
         return GroundMaker(recipe=file.recipe, folder=file.folder, platform=platform)
 
     @checked
-    def world(
-        self, difficulty: float, number: int, *, size: tuple[float, float] | None = None
-    ) -> World:
+    def world(self, difficulty: float, number: int, *, size: PositivePair | None = None) -> World:
         """A world of a difficulty, 0 to 1, and a number; of another size than the recipe's.
 
         Raises:
@@ -90,7 +88,7 @@ class GroundMaker:
         spec: Any,
         rng: np.random.Generator,
         *,
-        size: tuple[float, float] | None = None,
+        size: PositivePair | None = None,
     ) -> Any:
         """What mjlab's `SubTerrainCfg.function` does: geoms in `spec`, and the origin.
 

@@ -27,6 +27,7 @@ from terrain_forge.base import (
     Spec,
     Stopwatch,
     TerrainForgeError,
+    Workers,
     checked,
     compile_ahead,
     read_json,
@@ -107,7 +108,7 @@ def worlds(
     count: int | None = None,
     folder: Path | str = ".",
     only: tuple[str, ...] | str | None = None,
-    workers: int | None = None,
+    workers: Workers | None = None,
     scheduler: str | None = None,
     progress: Progress = silent,
 ) -> Worlds:

@@ -531,6 +531,12 @@ def test_worlds_of_another_input_are_left_alone(tmp_path: Path) -> None:
     assert worlds(path, tmp_path / "out", count=1, workers=0).made == 0
 
 
+def test_less_than_no_workers_are_refused(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(tf.DataError, match=r"worlds: workers must be .* found -1"):
+        worlds(recipe(tmp_path), tmp_path / "out", workers=-1)
+    assert not (tmp_path / "out").exists()
+
+
 def test_of_two_that_write_one_folder_the_second_is_told(made: Path, tmp_path: Path) -> None:
     """Whatever the first has written by then: nothing but its lock, or worlds of another recipe."""
     other = recipe(tmp_path, lambda plain: plain.update(seed=4))
