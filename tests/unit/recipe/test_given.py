@@ -31,14 +31,19 @@ def path(tmp_path_factory):
     return folder / "given.yaml"
 
 
+def told(lines):
+    """The lines but for what a build takes, which hangs on what other builds have left."""
+    return [line for line in lines if not line.startswith(("cost", "  time"))]
+
+
 def test_plan_and_check_take_a_recipe_its_file_or_its_path(path, monkeypatch):
     file = tf.load_recipe(path)
     whole = tf.plan(file.recipe, folder=file.folder)
-    lines = list(tf.check(file.recipe, folder=file.folder))
+    lines = told(tf.check(file.recipe, folder=file.folder))
     monkeypatch.chdir("/")
     for given in (file, path, str(path)):
         assert tf.plan(given) == whole
-        assert list(tf.check(given)) == lines
+        assert told(tf.check(given)) == lines
 
 
 def test_a_file_that_is_none_is_told(path):
