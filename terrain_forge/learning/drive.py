@@ -25,6 +25,7 @@ from terrain_forge.learning.requests import (
     Wished,
     folders_of,
     of_difficulty,
+    require_one_rover,
     require_request,
 )
 from terrain_forge.learning.sight import DepthCamera, HeightScan
@@ -99,6 +100,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 f"distance_m: {distance_m:g}, more than {REACHED:g} m, where the rover has arrived"
             )
         self._all = folders_of(Path(worlds) if worlds else starter_worlds(), numbers)
+        require_one_rover(self._all)
         self.difficulty = difficulty
         self.render_mode = render_mode
         self._distance, self._speed = distance_m, speed_m_s

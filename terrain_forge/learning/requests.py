@@ -108,6 +108,20 @@ def folders_of(worlds: Path, numbers: Sequence[int] | None) -> tuple[Path, ...]:
     return tuple(path.resolve() for path in found)
 
 
+def require_one_rover(folders: tuple[Path, ...]) -> None:
+    """Refuse worlds of several rovers, whose actions and observations are not alike.
+
+    Raises:
+        OutputError: names the first of another.
+    """
+    names = [str(read_summary(folder).get("rover", "")) for folder in folders]
+    if other := next((n for n, name in enumerate(names) if name != names[0]), 0):
+        raise OutputError(
+            f"{folders[other]} has the rover {names[other]!r}, {folders[0].name} has {names[0]!r}: "
+            "give `numbers` of worlds with one, which worlds.csv tells"
+        )
+
+
 def of_difficulty(folders: tuple[Path, ...], between: tuple[float, float]) -> tuple[Path, ...]:
     """Those whose wished difficulty lies between two.
 

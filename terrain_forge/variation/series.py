@@ -166,16 +166,21 @@ def worlds(
         task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)
         failed: dict[int, str] = {}
         done = run_tasks(task, missing, workers=workers, scheduler=scheduler)
-        for share_done, (number, error) in enumerate(done, 1):
-            if isinstance(error, Exception):
-                failed[number] = " ".join(str(error).split()) or type(error).__name__
-                if not isinstance(error, TerrainForgeError):
-                    raise error
-            progress("worlds", share_done / len(missing))
+        try:
+            for share_done, (number, error) in enumerate(done, 1):
+                if isinstance(error, Exception):
+                    failed[number] = " ".join(str(error).split()) or type(error).__name__
+                    if not isinstance(error, TerrainForgeError):
+                        raise error
+                progress("worlds", share_done / len(missing))
+        except BaseException:  # an interrupt or a full disk, which may not take the table either
+            with suppress(OSError, TerrainForgeError):
+                _write_table(out, worlds_in(out))
+            raise
         drop_unshared(out / POOL)
-        folders = tuple(out / name_of(n) for n in range(count) if n not in failed)
         there = worlds_in(out)
         _write_table(out, there)
+        folders = tuple(out / name_of(n) for n in range(count) if n not in failed)
     return Worlds(
         directory=out,
         folders=folders,

@@ -241,6 +241,16 @@ def test_worlds_that_are_not_there_are_told(made, given, why):
         make(made, **given)
 
 
+def test_worlds_of_two_rovers_are_refused_at_once(made, tmp_path):
+    out = shutil.copytree(made.directory, tmp_path / "mixed")
+    drawn = out / name_of(1) / "drawn.json"
+    rover = read_summary(out / name_of(1))["rover"]
+    drawn.write_text(drawn.read_text().replace(f'"{rover}"', '"other"'))
+    with pytest.raises(tf.OutputError, match=f"has the rover 'other', 00000 has '{rover}': give"):
+        learning.DriveEnv(out)
+    assert learning.DriveEnv(out, numbers=[1]).arena.folder.name == name_of(1)
+
+
 @pytest.mark.parametrize(
     ("given", "why"),
     [

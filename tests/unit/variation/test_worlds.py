@@ -166,6 +166,8 @@ def test_an_interrupt_tells_what_is_there(tmp_path: Path) -> None:
     told = "^1 of 4 worlds are in .*many: the same command goes on from there$"
     with pytest.raises(KeyboardInterrupt, match=told):
         worlds(recipe(tmp_path), tmp_path / "many", workers=0, progress=interrupt)
+    table = (tmp_path / "many/worlds.csv").read_text(encoding="utf-8").splitlines()
+    assert [row.partition(",")[0] for row in table] == ["world", "00000"]
 
 
 def test_each_is_a_world_that_its_own_recipe_makes(made: Path, tmp_path: Path) -> None:
