@@ -32,6 +32,12 @@ _INSTRUMENTS = {
         (mujoco.mjtSensor.mjSENS_RANGEFINDER, "rangefinder"),
     )
 }
+_PLAIN = tuple(
+    map(
+        int, (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    )
+)
+"""Dynamics of actuators whose activation stays within the range of their control."""
 _SEEN_GROUPS = 3
 """Geoms of groups below are drawn by default."""
 
@@ -95,6 +101,33 @@ def _require_sane(model: Any, name: str) -> None:
             raise FileError(f"{name}: a {what} of MuJoCo's is above {most:g}")
 
 
+def _most_torque(model: Any, actuator: int) -> float | None:
+    """An actuator's largest torque about its joint [N m], where force, control or joint limit it.
+
+    A control is a limit of force only of an actuator whose force is a multiple of it: a motor.
+    """
+    joint = int(model.actuator_trnid[actuator, 0])
+    gear = abs(float(model.actuator_gear[actuator, 0]))
+    limits = list[float]()
+    if model.actuator_forcelimited[actuator]:
+        limits.append(gear * float(np.abs(model.actuator_forcerange[actuator]).max()))
+    if model.actuator_ctrllimited[actuator] and _is_motor(model, actuator):
+        gain = abs(float(model.actuator_gainprm[actuator, 0]))
+        limits.append(gear * gain * float(np.abs(model.actuator_ctrlrange[actuator]).max()))
+    if model.jnt_actfrclimited[joint]:
+        limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
+    return min((limit for limit in limits if limit), default=None)
+
+
+def _is_motor(model: Any, actuator: int) -> bool:
+    """Whether an actuator's force is its control by a fixed gain, perhaps delayed by a filter."""
+    return (
+        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_dyntype[actuator] in _PLAIN
+    )
+
+
 class _Reader:
     """Makes bodies of those of a model's tree; each hull of a mesh once."""
 
@@ -104,9 +137,7 @@ class _Reader:
         self._driven: dict[int, float | None] = {}
         """Joints with an actuator, and its largest torque [N m] where it is limited."""
         for n in np.flatnonzero(np.isin(model.actuator_trntype, OF_JOINTS)).tolist():
-            most = float(np.abs(model.actuator_forcerange[n]).max())
-            limited = model.actuator_forcelimited[n] and most
-            self._driven[int(model.actuator_trnid[n, 0])] = most if limited else None
+            self._driven[int(model.actuator_trnid[n, 0])] = _most_torque(model, n)
 
     def bodies(self, body: int) -> list[Body]:
         """A body; where several joints hold it, a massless body for each joint but the last.

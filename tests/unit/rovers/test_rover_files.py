@@ -140,6 +140,25 @@ def test_an_mjcf_becomes_a_rover(buggy):
     assert [(shape.kind, shape.collides) for shape in seen] == [("mesh", False)]
 
 
+@pytest.mark.parametrize(
+    ("actuator", "joint", "torque"),
+    [
+        ('motor ctrlrange="-8 6"', "", 8.0),
+        ('motor ctrlrange="-1 1" gear="7"', "", 7.0),
+        ('velocity kv="5" ctrlrange="-3 3" forcerange="-2 2" gear="4"', "", 8.0),
+        ('general gainprm="3" ctrlrange="-2 2" dyntype="filter" dynprm="0.1"', "", 6.0),
+        ('motor ctrlrange="-8 8"', 'actuatorfrcrange="-5 5"', 5.0),
+    ],
+)
+def test_the_torque_of_an_mjcf_is_that_about_the_joint(buggy, tmp_path, actuator, joint, torque):
+    servo = 'velocity joint="lf" kv="5" forcerange="-9 9"'
+    text = buggy.read_text().replace(servo, f'{actuator} joint="lf"')
+    text = text.replace('"lf" axis', f'"lf" {joint} axis')
+    file = tmp_path / "geared.xml"
+    file.write_text(text)
+    assert rovers.read(file, wheels=("lf", "lr", "rf", "rr")).torque_limit == torque
+
+
 @pytest.mark.parametrize("kind", ["tub", "buggy"])
 def test_a_foreign_rover_stands_drives_straight_and_turns_left(kind, request, tmp_path):
     wheels = () if kind == "tub" else ("lf", "lr", "rf", "rr")
