@@ -137,6 +137,10 @@ class Watch:
     looks: list[tuple[int, Snapshot]] = field(default_factory=list)
     """The rover at those at the logging rate, and at the last one, by their numbers."""
     contacts: dict[str, RockContact] = field(default_factory=dict)
+    touched: dict[str, float] = field(default_factory=dict)
+    """When each of those rocks was last touched [s]."""
+    scraped: dict[str, float] = field(default_factory=dict)
+    """The same of those that more than wheels touched, by that."""
     reason: str = ""
     """Why the drive is over; empty as long as it is not."""
     completed: bool = False
@@ -194,6 +198,9 @@ class Watch:
                 duration=first.duration + self.tick,
                 by_body=first.by_body or by_body,
             )
+            self.touched[name] = self.time
+            if by_body:
+                self.scraped[name] = self.time
 
     def _trouble(self, pursuit: PurePursuit) -> str:
         """Why the drive must end before its time, without the place; empty if it need not."""
@@ -225,11 +232,10 @@ class Watch:
         slip = np.median(vehicle.states(late)["wheel_slip"].mean(axis=1))
         if slip > _STRAINED:
             reasons.append(f"wheels slip by {slip:.0%}")
-        touched = [c for c in self.contacts.values() if c.time + c.duration > begin]
-        if held := [contact.rock for contact in touched if contact.by_body]:
+        if held := [rock for rock, last in self.scraped.items() if last > begin]:
             reasons.append(f"its body against {', '.join(held[:3])}")
-        elif touched:
-            reasons.append(f"its wheels against {', '.join(c.rock for c in touched[:3])}")
+        elif met := [rock for rock, last in self.touched.items() if last > begin]:
+            reasons.append(f"its wheels against {', '.join(met[:3])}")
         if not reasons:
             tilt = math.degrees(self.ticks[-1].tilt)
             reasons.append(

@@ -10,8 +10,10 @@ from terrain_forge.exporters import mjcf
 
 from terrain_forge.base import SimulationError, quaternion_from_rpy
 from terrain_forge.driving import Vehicle, drive, load_scene
+from terrain_forge.driving.controller import PlanarPath, PurePursuit
 from terrain_forge.driving.energy import EnergyAudit
 from terrain_forge.driving.result import longitudinal_slip
+from terrain_forge.driving.simulation import Watch
 from terrain_forge.driving.snapshot import Snapshot, wheel_states
 from terrain_forge.model import BODIES, MARS
 from terrain_forge.recipe import DriveSpec
@@ -289,6 +291,40 @@ def test_wheels_that_spin_in_place_are_told(tmp_path):
     slip = int(re.search(r"wheels slip by (\d+)%", result.reason)[1])
     assert 95 <= slip <= 100
     assert result.saturated == 0.0
+
+
+class Rocking:
+    """Stands in for a rover that does not move, and now and then touches a rock by its wheels."""
+
+    rover, saturated_steps = morpheus(), 0
+
+    def __init__(self, hits):
+        self.hits, self.place = iter(hits), (0.0, 0.0)
+
+    def fault(self):
+        return ""
+
+    def snapshot(self):
+        return None
+
+    def states(self, taken):
+        return {"wheel_slip": np.zeros((len(taken), 6))}
+
+    def rock_forces(self):
+        return next(self.hits)
+
+
+def test_a_rock_that_is_touched_now_and_then_holds_the_rover():
+    """For 0.02 s of each 0.2 s; its body met another rock at the start alone."""
+    touch = {"rock_7": (1.0, False)}
+    begin = [{"rock_7": (1.0, True), "rock_8": (1.0, True)}]
+    vehicle = Rocking(begin + [touch if n % 10 == 0 else {} for n in range(1000)])
+    path = plain(line((-2, 0), (2, 0))).trajectories[0]
+    watch = Watch(trajectory=path, spec=DriveSpec(path="arc"), tick=0.02)
+    pursuit = PurePursuit(PlanarPath.of(path), lookahead=1.0)
+    while not watch.reason:
+        watch.look(vehicle, pursuit, tilt=0.0)
+    assert watch.reason == "stuck after 0.0 m of 4.0 m: its wheels against rock_7"
 
 
 def start(world, folder, change=lambda model: None):
