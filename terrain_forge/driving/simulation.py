@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 LOG_RATE = 10.0
 """Poses kept per second [Hz]."""
 ARRIVAL = 0.05
-"""How near the end of the path the rover has arrived [m]."""
+"""How much of the path may be left where the rover has arrived [m]."""
 _STUCK_TIME, _STUCK_PART, _STUCK_ANGLE = 10.0, 0.1, math.radians(5.0)
 _TIPPED = math.radians(70.0)
 _OFF_PATH_FACTOR = 3.0
