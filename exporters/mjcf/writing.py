@@ -9,7 +9,7 @@ import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
 from terrain_forge.geometry import light_levels, with_horizon_loss, write_rover_meshes
-from terrain_forge.model import ExportReport, Tile, Trajectory, Wheel, World, world_friction
+from terrain_forge.model import ExportReport, Rover, Shape, Tile, Trajectory, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
 from .ground import ground_elements, horizon_elements
@@ -30,6 +30,8 @@ rocks squared."""
 _SITES = 400
 _CLEAR = 2e-3
 """Between a rover's wheels and the ground where it starts [m]."""
+_UPRIGHT = 0.9
+"""Cosine of a cylinder's axis to the vertical from which on it stands rather than lies."""
 _RGBA = (1.0, 0.85, 0.1, 0.6)
 _COLUMNS = "time_s,x_m,y_m,z_m,qw,qx,qy,qz"
 
@@ -201,7 +203,7 @@ def _keyframes(world: World, tiles: list[Tile]) -> list[Lines]:
 def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Array]:
     """Position [m] and quaternion of base_link: a path's start (the first's), or the middle.
 
-    Raised so that no wheel reaches into the ground; the rover settles within a second.
+    Raised so that no part reaches into the ground; the rover settles within a second.
     """
     ground, rpy = world.ground, np.zeros(3)
     if world.trajectories:
@@ -213,7 +215,7 @@ def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Ar
         position = np.array([x, y, float(ground.height_at(x, y))])
     quaternion = quaternion_from_rpy(rpy)
     if world.rover.wheels:
-        treads = np.concatenate([_tread(wheel) for wheel in world.rover.wheels])
+        treads = np.concatenate(_treads(world.rover))
         points = position + portable.product(treads, matrix_from_quaternion(quaternion).T)
         points = points[ground.covers(points[:, 0], points[:, 1])]
         above = ground.height_at(points[:, 0], points[:, 1]) - points[:, 2] + _CLEAR
@@ -221,13 +223,56 @@ def start_pose(world: World, start: Trajectory | None = None) -> tuple[Array, Ar
     return position, quaternion
 
 
-def _tread(wheel: Wheel) -> Array:
-    """Points on the lower half of a wheel in base_link's frame [m], shape [points, 3]."""
+def _treads(rover: Rover) -> list[Array]:
+    """Points on the lower half of each driven wheel, and around all else that a rover collides by.
+
+    Points of base_link's frame [m], shape [points, 3] each.
+    """
+    wheels = {wheel.link: wheel for wheel in rover.wheels}
+    treads = []
+    for link in rover.links:
+        if wheel := wheels.get(link.name):
+            treads.append(_lower_half(wheel.centre, link.axis, wheel.radius, wheel.width))
+        else:
+            at = rover.origins[link.name]
+            treads += [at + _around(shape) for shape in link.shapes if shape.collides]
+    return treads
+
+
+def _around(shape: Shape) -> Array:
+    """Points on what collides, those of a rolling shape on its lower half, in the link's frame."""
+    turn = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
+    if shape.kind == "sphere":
+        left, angles = np.array([0.0, 1.0, 0.0]), np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
+        rings = shape.size[0] * np.column_stack([np.sin(angles), np.cos(angles)])
+        at = shape.position
+        return np.concatenate(
+            [_lower_half(at + y * left, left, radius, 0.0) for y, radius in rings]
+        )
+    if shape.kind == "cylinder" and abs(turn[2, 2]) < _UPRIGHT:
+        return _lower_half(shape.position, turn[:, 2], *shape.size)
+    if shape.mesh is not None:
+        points = shape.mesh.vertices
+    else:
+        size = (
+            (2.0 * shape.size[0],) * 2 + shape.size[1:] if shape.kind == "cylinder" else shape.size
+        )
+        points = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size
+    return np.asarray(shape.position + portable.product(points, turn.T))
+
+
+def _lower_half(centre: Array, axle: Array, radius: float, width: float) -> Array:
+    """Points on the lower half of a cylinder that lies about an axle, shape [points, 3]."""
+    ahead = np.cross(axle, (0.0, 0.0, 1.0))
+    ahead /= np.linalg.norm(ahead)
     angle, across = np.meshgrid(
         np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33), np.linspace(-0.5, 0.5, 5)
     )
-    around = [wheel.radius * np.sin(angle), wheel.width * across, -wheel.radius * np.cos(angle)]
-    return np.asarray(wheel.centre + np.stack(around, axis=-1).reshape(-1, 3))
+    turned = [radius * np.sin(angle), width * across, -radius * np.cos(angle)]
+    points = np.stack(turned, axis=-1).reshape(-1, 3)
+    return np.asarray(
+        centre + portable.product(points, np.array([ahead, axle, np.cross(ahead, axle)]))
+    )
 
 
 def _path_sites(trajectory: Trajectory) -> list[Lines]:

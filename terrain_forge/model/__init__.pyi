@@ -86,6 +86,7 @@ from .rocks import owned as owned
 from .rocks import rotations as rotations
 from .rocks import touches as touches
 from .route import Route as Route
+from .rover import RESTING as RESTING
 from .rover import Coupling as Coupling
 from .rover import Grousers as Grousers
 from .rover import Link as Link

@@ -7,9 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from terrain_forge.base import Array, Record, shaped
+from terrain_forge.base import (
+    Array,
+    Record,
+    matrix_from_quaternion,
+    portable,
+    quaternion_from_rpy,
+    shaped,
+)
 from terrain_forge.model.mesh import Mesh
 from terrain_forge.model.sensor import Sensor
+
+RESTING = 0.05
+"""What of a rover is no higher at rest stands on the ground, as a part of its smallest wheel's
+radius."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +45,18 @@ class Shape(Record):
     mesh: Mesh | None = None
     """Triangles of a mesh, its box's centre as origin; a convex one where it collides. None for the
     other kinds."""
+
+    @property
+    def half_extents(self) -> Array:
+        """Half the lengths of a box around it along the link's axes [m], shape [3]."""
+        turn = matrix_from_quaternion(quaternion_from_rpy(self.rpy))
+        if self.kind == "sphere":
+            return np.full(3, self.size[0])
+        if self.kind == "cylinder":
+            along = np.abs(turn[:, 2])
+            aside = np.sqrt(np.maximum(1.0 - along**2, 0.0))
+            return np.asarray(self.size[0] * aside + 0.5 * self.size[1] * along)
+        return np.asarray(portable.product(np.abs(turn), 0.5 * np.array(self.size)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,12 +213,28 @@ class Rover(Record):
 
     @property
     def length(self) -> float:
-        """Over all wheels, along x [m]."""
-        x = self.wheel_centres[:, 0]
-        return float(np.ptp(x) + 2 * max(wheel.radius for wheel in self.wheels))
+        """Along x [m], evenly about base_link: over all wheels and what else is on the ground."""
+        span = 2.0 * float(np.abs(self.wheel_centres[:, 0]).max())
+        return max(span + 2.0 * float(self.wheel_radii.max()), 2.0 * self._rests[0])
 
     @property
     def width(self) -> float:
-        """Over all wheels, along y [m]."""
-        y = self.wheel_centres[:, 1]
-        return float(np.ptp(y) + max(wheel.width for wheel in self.wheels))
+        """The same along y [m]."""
+        span = 2.0 * float(np.abs(self.wheel_centres[:, 1]).max())
+        return max(span + max(wheel.width for wheel in self.wheels), 2.0 * self._rests[1])
+
+    @cached_property
+    def _rests(self) -> tuple[float, float]:
+        """How far from base_link what else is on the ground reaches along x and along y [m].
+
+        Wheels that nothing drives, balls and skids.
+        """
+        places, driven = self.origins, {wheel.link for wheel in self.wheels}
+        highest = RESTING * float(self.wheel_radii.min())
+        reach = np.zeros(2)
+        for link in self.links:
+            for shape in link.shapes if link.name not in driven else ():
+                centre, half = places[link.name] + shape.position, shape.half_extents
+                if shape.collides and centre[2] - half[2] <= highest:
+                    reach = np.maximum(reach, np.abs(centre[:2]) + half[:2])
+        return float(reach[0]), float(reach[1])

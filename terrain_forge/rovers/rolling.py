@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from terrain_forge.base import Array, DataError, placed, portable
-from terrain_forge.model import Coupling, Rover, Wheel
+from terrain_forge.model import RESTING, Coupling, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body
 from terrain_forge.rovers.custom import FileRover, Frame
 from terrain_forge.rovers.links import make_links
@@ -29,9 +29,6 @@ _MOST_NAMES = 8
 """How many names of a kind are told."""
 _HEADINGS = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, -1.0), "-y": (0.0, 1.0)}
 """Cosine and sine of the turn that brings an axis forward."""
-_TOUCHES = 0.05
-"""Height over the smallest wheel's radius up to which a part rests on the ground: a caster, a
-skid."""
 _DRAGGED = 0.25
 """Height of what such a part is dragged over, as a part of its own."""
 
@@ -332,8 +329,8 @@ def measure_belly(bodies: Iterable[Body], *, radius: float, step_limit: float | 
         whole = portable.product(body.placement, pose)
         heights = outline(shape, whole[:3, :3], whole[:3, 3])[:, 2]
         spans.append((float(np.min(heights)), float(np.max(heights)), body.name))
-    above = [low for low, _, _ in spans if low > _TOUCHES * radius]
-    dragged = [_DRAGGED * (high - low) for low, high, _ in spans if low <= _TOUCHES * radius]
+    above = [low for low, _, _ in spans if low > RESTING * radius]
+    dragged = [_DRAGGED * (high - low) for low, high, _ in spans if low <= RESTING * radius]
     if above:
         return min(above + dragged)
     if step_limit is None:

@@ -27,7 +27,7 @@ from terrain_forge.scene import rock_tints, tint_colours
 from terrain_forge.validation.checks.drives import rover_mass_check
 from terrain_forge.validation.suite import quick_checks
 from terrain_forge.validation.surface_mesh import heights_on
-from tests.helpers import worlds
+from tests.helpers import rovers, worlds
 from tests.helpers.ground_pictures import FINER, PIXELS, shows_its_nodes, speckled
 from tests.helpers.rovers import morpheus
 
@@ -474,9 +474,20 @@ def test_a_keyframe_stands_at_each_paths_start(loosened, tmp_path):
         np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
 
 
+def cambered(folder):
+    """A rover of two leaning wheels, with a ball behind them."""
+    file = rovers.caster_urdf(folder, caster_m=0.0, chassis_m=0.15)
+    for lean, y in ((0.2, 0.3), (-0.2, -0.3)):
+        leaning = file.read_text().replace(f'xyz="0.3 {y}', f'rpy="{lean} 0 0" xyz="0.3 {y}')
+        file.write_text(leaning)
+    return rovers.read(file)
+
+
+@pytest.mark.parametrize("other", [None, cambered])
 @pytest.mark.parametrize("heading", [0.0, 1.1, 2.5])
-def test_no_wheel_reaches_into_steep_and_bumpy_ground(world, tmp_path, heading):
+def test_no_wheel_reaches_into_steep_and_bumpy_ground(world, tmp_path, heading, other):
     """Tall bumps touch a wheel before and behind its lowest point."""
+    world = world.replace(rover=other(tmp_path)) if other else world
     ground = world.ground
     bumps = 0.02 * np.sin(ground.east / 0.05)[None, :] * np.cos(ground.north / 0.07)[:, None]
     z = (0.6 * ground.east[None, :] + bumps).astype(np.float32)

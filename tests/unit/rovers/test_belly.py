@@ -34,3 +34,12 @@ def test_a_rover_of_which_nothing_is_above_the_ground_needs_a_step_limit(tmp_pat
     assert error.value.key == ("rover",)
     rover = two_wheels(tmp_path, caster_m=0.0, chassis_m=0.0001, step_limit_m=0.03)
     assert (rover.clearance, highest_step(rover)) == (0.0, 0.03)
+
+
+def test_a_rover_is_as_long_as_what_is_on_the_ground_reaches(tmp_path):
+    """Evenly about base_link, which lies amid the driven wheels: the ball ends 0.75 m behind it."""
+    on_the_ground = rovers.caster_urdf(tmp_path, caster_m=0.0, chassis_m=0.15)
+    assert rovers.read(on_the_ground).length == pytest.approx(1.5)
+    above = rovers.caster_urdf(tmp_path, caster_m=0.05, chassis_m=0.15)
+    assert rovers.read(above).length == pytest.approx(0.4)
+    assert rovers.read(above).width == pytest.approx(0.7)
