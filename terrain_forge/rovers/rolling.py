@@ -169,7 +169,13 @@ class _Machine:
     def find_wheels(self) -> tuple[set[str], set[str]]:
         """Bodies of the driven wheels, and of wheels that roll without a motor."""
         if self.spec.wheels:
-            return self._told("wheels"), set()
+            told = self._told("wheels")
+            if len(told) < 2:
+                raise DataError(
+                    f"{self.file}: {', '.join(self.spec.wheels)} is one wheel, 2 are needed",
+                    key=("rover", "wheels"),
+                )
+            return told, set()
         found = {body.name for body in self.bodies.values() if self._is_wheel(body)}
         driven = {name for name in found if self.bodies[name].joint.driven} or found
         driven -= self._told("passive") | self._told("held")
@@ -255,7 +261,20 @@ class _Machine:
                     f"{', '.join(sorted(passive)) or 'none'}",
                     key=("rover", "couplings"),
                 )
+        leaders = {gear.link: gear.leader for gear in found}
+        for told in self.told_gears:
+            self._require_end(told.link, leaders)
         return tuple(found)
+
+    def _require_end(self, joint: str, leaders: dict[str, str]) -> None:
+        """Refuse a joint that follows itself, in the end."""
+        first = self.of_joint[joint]
+        at, passed = leaders[first], {first}
+        while at not in passed:
+            passed.add(at)
+            at = leaders.get(at, "")
+        if at == first:
+            raise DataError(f"{joint!r} follows itself", key=("rover", "couplings"))
 
     def stand(self, wheels: set[str]) -> tuple[list[Body], dict[str, Tread]]:
         """All bodies in base_link's frame, and the treads of the wheels."""

@@ -283,6 +283,10 @@ def test_a_base_that_looks_another_way_is_turned(tub):
         ([("robot", "sdf")], {}, "is a <sdf>, allowed: a URDF or xacro", "file"),
         ([], {"couplings": (CouplingSpec(joint="pan", follows="left_rocker_joint"),)},
          "'pan' is no passive joint, there are: left_rocker, right_rocker", "couplings"),
+        ([], {"couplings": (CouplingSpec(joint="left_rocker_joint",
+                                         follows="right_rocker_joint"),)},
+         "'left_rocker_joint' follows itself", "couplings"),
+        ([], {"wheels": ("left_front_wheel", "left_front_wheel_joint")}, "is one wheel", "wheels"),
         ([("package://tub", "package://bath")], {}, "package 'bath' is not found", "packages"),
     ],
 )  # fmt: skip
