@@ -264,7 +264,7 @@ def _around(shape: Shape) -> Array:
 def _lower_half(centre: Array, axle: Array, radius: float, width: float) -> Array:
     """Points on the lower half of a cylinder that lies about an axle, shape [points, 3]."""
     ahead = np.cross(axle, (0.0, 0.0, 1.0))
-    ahead /= np.linalg.norm(ahead)
+    ahead /= portable.norm(ahead)
     angle, across = np.meshgrid(
         np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33), np.linspace(-0.5, 0.5, 5)
     )
