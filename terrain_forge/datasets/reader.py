@@ -304,21 +304,42 @@ def open_recording(folder: Path | str) -> Recording:
     )
 
 
+_NEEDED: dict[str, Any] = {
+    "world": dict, "gravity_m_s2": int | float, "streams": list, "body": str, "transforms": dict,
+    "classes": dict,
+}  # fmt: skip
+"""Kinds of what an index has."""
+_KNOWN: dict[str, Any] = {
+    "sensors": list, "links": dict, "moving_links": list, "motion": dict, "profile": str
+}  # fmt: skip
+"""Kinds of what those of some versions lack."""
+
+
 def _check(about: Any) -> None:
     if not isinstance(about, dict) or about.get("version") != VERSION:
         found = about.get("version") if isinstance(about, dict) else type(about).__name__
         raise DataError(f"{INDEX} is of version {found!r}, this terrain-forge reads {VERSION}")
-    wanted = {"world": dict, "gravity_m_s2": (int, float), "streams": list, "body": str}
-    for key, kind in {**wanted, "transforms": dict, "classes": dict}.items():
-        if not isinstance(about.get(key), kind):  # type: ignore[arg-type]
+    given = {key: value for key, value in about.items() if value is not None}
+    for key, kind in _NEEDED.items():
+        if not isinstance(given.get(key), kind):
             raise DataError(f"{INDEX} has no {key!r} of the kind that it must be")
+    for key, kind in _KNOWN.items():
+        if not isinstance(given.get(key, kind()), kind):
+            raise DataError(f"{INDEX}: its {key!r} is not of the kind that it must be")
     if not isinstance(about["world"].get("name"), str):
         raise DataError(f"{INDEX} has no name of the world")
-    if not all(isinstance(one, dict) for one in about.get("sensors") or ()):
+    if not all(isinstance(one, dict) for one in given.get("sensors", ())):
         raise DataError(f"{INDEX}: its sensors are no tables of keys")
+    if not all(number.isdecimal() for number in about["classes"]):
+        raise DataError(f"{INDEX}: its classes are no numbers")
     for number, stream in enumerate(about["streams"]):
         if not isinstance(stream, dict) or not {"folder", "name", "kind"} <= set(stream):
             raise DataError(f"{INDEX}: stream {number} has no folder, name and kind")
+        channels = stream.get("channels") or {}
+        if not isinstance(channels, dict) or not all(
+            isinstance(one, dict) for one in channels.values()
+        ):
+            raise DataError(f"{INDEX}: the channels of stream {number} are no table of keys")
     for folder, count in Counter(str(one["folder"]) for one in about["streams"]).items():
         if count > 1:
             raise DataError(f"{INDEX}: the stream {folder!r} is listed {count} times")

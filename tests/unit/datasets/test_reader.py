@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
@@ -112,6 +113,24 @@ BROKEN = {
     "version": (lambda f: _index(f, version=9), "version 9, this terrain-forge reads 1"),
     "world without a name": (lambda f: _index(f, world={"Wame": "x"}), "no name of the world"),
     "sensors": (lambda f: _index(f, sensors=[3]), "its sensors are no tables"),
+    **{
+        f"{key}: {odd}": (partial(_index, **{key: odd}), f"{key!r} is not of the kind")
+        for key, odd in (
+            ("sensors", 3),
+            ("links", []),
+            ("moving_links", 3),
+            ("motion", "x"),
+            ("profile", {}),
+        )
+    },
+    "class": (lambda f: _index(f, classes={"rock": "1"}), "its classes are no numbers"),
+    "channels": (
+        lambda f: _index(
+            f,
+            streams=[{"folder": "mav0/imu0", "name": "a", "kind": "imu", "channels": {"data": 3}}],
+        ),
+        "the channels of stream 0 are no table of keys",
+    ),
     "outside": (
         lambda f: _index(f, streams=[{"folder": "../x", "name": "a", "kind": "imu"}]),
         "lies outside of the dataset",
