@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, distributions, entry_points, version
+from importlib.metadata import EntryPoint, distributions, entry_points
 from types import ModuleType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -92,14 +92,13 @@ def their_plugins() -> tuple[tuple[str, EntryPoint], ...]:
 
 @cache
 def their_packages() -> dict[str, str]:
-    """Versions of the installed packages with parts for us, by the packages' names."""
-    found = {
-        package.name: version(package.name)  # of two, that which is imported
-        for package in distributions()
-        if package.name and any(p.group.startswith(f"{_OURS}.") for p in package.entry_points)
-    }
-    found.pop("terrain-forge", None)
-    return dict(sorted(found.items()))
+    """Versions of the installed packages with parts for us, by the packages' names.
+
+    Of several that are installed of one, that which is imported; none of what tells no version.
+    """
+    points = (point for group in entry_points().groups for point in _theirs(group))
+    packages = {point.dist for point in points if point.dist is not None}
+    return dict(sorted((one.name, one.version) for one in packages if one.version))
 
 
 def _theirs(group: str) -> list[EntryPoint]:
