@@ -117,7 +117,8 @@ def build_tiles(
         OutputError: if the folder holds anything else, or the scheduler or the exchange cannot be
             used.
         StorageError: if the disk does not take the site.
-        TerrainForgeError: names the tiles that failed; the others are whole.
+        OutputError, PluginError, StorageError: names the tiles that failed; the others are whole.
+        RuntimeError: the same, for a fault of ours.
         KeyboardInterrupt: with how far it came.
     """
     out = order.out
@@ -213,13 +214,13 @@ def _made(
 
 
 def _failure(order: TileOrder, failed: dict[int, Exception]) -> Exception:
-    """The error that names tiles which failed, of the first of `_KINDS` that one is."""
+    """The error that names tiles which failed, and says why one of the first of `_KINDS` did."""
     named = ", ".join(order.grid.folder(number) for number in sorted(failed)[:_NAMED])
     more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
-    first = failed[min(failed)]
+    number = min(failed, key=lambda number: (_KINDS.index(_kind_of(failed[number])), number))
+    first = failed[number]
     why = " ".join(str(first).split()) or type(first).__name__
-    kinds = {_kind_of(error) for error in failed.values()}
-    failure = next(kind for kind in _KINDS if kind in kinds)(
+    failure = _kind_of(first)(
         f"{order.out}: {len(failed)} tile{'s' * (len(failed) > 1)} failed twice, {named}{more}: "
         f"{why}; what is whole stays, and the same build goes on"
     )

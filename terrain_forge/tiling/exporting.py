@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +16,13 @@ def begin_export(export: Export, world: World, folder: Path) -> None:
     """Write what an export's tiles share, before any of them.
 
     Raises:
-        PluginError: if the exporter leaves a link in its folder.
+        PluginError: if the exporter leaves a link in its folder, or writes beside it.
     """
     exporter, options = export.opened()
     folder.mkdir(exist_ok=True)
     if hasattr(exporter, "begin_tiles"):
-        exporter.begin_tiles(world, folder, options=options)
-        _require_no_link(export, exporter, folder)
+        with _within(export, exporter, folder):
+            exporter.begin_tiles(world, folder, options=options)
 
 
 def export_tile(export: Export, tile: Tile, grid: TileGrid, folder: Path) -> dict[str, Any]:
@@ -31,16 +33,16 @@ def export_tile(export: Export, tile: Tile, grid: TileGrid, folder: Path) -> dic
             writes beside it.
     """
     exporter, options = export.opened()
-    beside = {path.name for path in folder.parent.iterdir()} | {folder.name}
     folder.mkdir()
-    with returning(exporter, f"exporter {export.kind!r}: export_tile", "a dict that JSON can hold"):
+    what = f"exporter {export.kind!r}: export_tile"
+    with (
+        _within(export, exporter, folder),
+        returning(exporter, what, "a dict that JSON can hold"),
+    ):
         figures = exporter.export_tile(tile, folder, grid=grid, options=options)  # type: ignore[attr-defined]
         if not isinstance(figures, dict):
             raise TypeError(f"found {type(figures).__name__}")
         json.dumps(figures, allow_nan=False)
-    _require_no_link(export, exporter, folder)
-    if odd := sorted({path.name for path in folder.parent.iterdir()} - beside):
-        raise PluginError(f"{_named(export, exporter)} wrote {odd[0]} beside its folder")
     return figures
 
 
@@ -48,23 +50,26 @@ def join_export(export: Export, tiled: TiledSite, folder: Path) -> tuple[str, ..
     """Write an export's files of the whole; returns what is lost.
 
     Raises:
-        PluginError: if the exporter returns what it may not, or leaves a link in its folder.
+        PluginError: if the exporter returns what it may not, leaves a link in its folder, or
+            writes beside it.
     """
     exporter, options = export.opened()
-    with returning(exporter, f"exporter {export.kind!r}: join_tiles", "a tuple of texts"):
+    what = f"exporter {export.kind!r}: join_tiles"
+    with _within(export, exporter, folder), returning(exporter, what, "a tuple of texts"):
         losses = exporter.join_tiles(tiled, folder, options=options)  # type: ignore[attr-defined]
         if isinstance(losses, str):
             raise TypeError(f"found the text {losses[:40]!r}")
         losses = tuple(map(str, losses))
-    _require_no_link(export, exporter, folder)
     return losses
 
 
-def _require_no_link(export: Export, exporter: Exporter, folder: Path) -> None:
+@contextmanager
+def _within(export: Export, exporter: Exporter, folder: Path) -> Iterator[None]:
+    """Refuse links that are left in an export's folder, and what is written beside it meanwhile."""
+    before = {*folder.parent.iterdir()}
+    yield
+    named = f"exporter {export.kind!r} ({getattr(exporter, '__name__', export.kind)})"
     if link := first_link(folder):
-        raise PluginError(f"{_named(export, exporter)} left the link {link} in its folder")
-
-
-def _named(export: Export, exporter: Exporter) -> str:
-    module = getattr(exporter, "__name__", export.kind)
-    return f"exporter {export.kind!r} ({module})"
+        raise PluginError(f"{named} left the link {link} in its folder")
+    if odd := sorted({*folder.parent.iterdir()} - before):
+        raise PluginError(f"{named} wrote {odd[0].name} beside its folder")

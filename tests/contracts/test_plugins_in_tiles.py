@@ -37,6 +37,8 @@ MODULES = {
     + "        if self.what == 'nowhere': return elevation / 0\n"
     + "        if self.what == 'raise' and site.axes(window)[0].max() > 1: raise KeyError(1)\n"
     + "        if self.what == 'memory' and site.axes(window)[0].max() > 1: raise MemoryError\n"
+    + "        if self.what == 'both' and site.axes(window)[0].max() > 1:\n"
+    + "            raise KeyError(1) if site.axes(window)[0].max() > 2.9 else MemoryError\n"
     + "        return np.zeros(elevation.shape)\n",
     "unjoined_exporter.py": HEAD
     + "from terrain_forge.base import Spec\n"
@@ -58,6 +60,7 @@ MODULES = {
     + "    return {'a': {'set': {1}, 'nan': np.nan}.get(options.what, 1)}\n"
     + "def join_tiles(tiled, directory, *, options):\n"
     + "    if options.what == 'join': (directory / 'mine').symlink_to(__file__)\n"
+    + "    if options.what == 'joined': (directory.parent / 'mine').mkdir()\n"
     + "    return {'text': 'none', 'none': None}.get(options.what, ())\n",
 }
 
@@ -89,6 +92,7 @@ LOSSES = "exporter 'tiled': join_tiles (tiled_exporter) must return a tuple of t
         ("tile", "exporter 'tiled' (tiled_exporter) left the link mine in its folder"),
         ("join", "exporter 'tiled' (tiled_exporter) left the link mine in its folder"),
         ("beside", "exporter 'tiled' (tiled_exporter) wrote mine beside its folder"),
+        ("joined", "exporter 'tiled' (tiled_exporter) wrote mine beside its folder"),
     ],
 )
 def test_what_an_exporter_may_not_is_one_line_that_names_it(installed, tmp_path, what, told):
@@ -122,6 +126,7 @@ def test_an_export_has_not_the_name_of_what_a_site_has(installed, tmp_path, name
     [
         ("raise", "layer 'odd' (tiled_layer, line 11) failed: KeyError: 1"),
         ("memory", "MemoryError"),
+        ("both", "layer 'odd' (tiled_layer, line 14) failed: KeyError: 1"),
     ],
 )
 def test_a_tile_that_its_code_or_the_system_fails_is_no_wrong_input(
@@ -151,16 +156,18 @@ def test_a_site_is_of_the_packages_that_it_was_begun_with(installed, tmp_path):
 
 
 def test_of_two_versions_of_a_package_the_first_counts(installed, tmp_path):
-    """That is the one which is imported."""
+    """That is the one which is imported; a package without metadata counts as none."""
     with fresh(install(tmp_path, "tiled", POINTS, MODULES)):
-        (tmp_path / "tiled-1.0.dist-info").rename(tmp_path / "tiled-2.0.dist-info")
-        metadata = tmp_path / "tiled-2.0.dist-info/METADATA"
-        metadata.write_text("Metadata-Version: 2.1\nName: tiled\nVersion: 2.0\n")
+        (tmp_path / "tiled-1.0.dist-info").rename(tmp_path / "Tiled-2.0.dist-info")
+        metadata = tmp_path / "Tiled-2.0.dist-info/METADATA"
+        metadata.write_text("Metadata-Version: 2.1\nName: Tiled\nVersion: 2.0\n")
+        install(tmp_path, "broken", POINTS, {})
+        (tmp_path / "broken-1.0.dist-info/METADATA").unlink()
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("sys.path", [*sys.path, str(installed)])
             from terrain_forge.base import their_packages
 
-            assert their_packages()["tiled"] == "2.0"
+            assert their_packages() == {"Tiled": "2.0"}
 
 
 @pytest.mark.parametrize("command", [["validate"], ["cut", "--centre", "0,0", "--size", "2,2"]])
