@@ -8,7 +8,7 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -157,17 +157,18 @@ def worlds(
         whole = sorted({*range(count)} - {*missing})
         for n in whole:
             _require_whole(out / name_of(n))
-        if whole and missing:
-            _require_inputs(out, draw(recipe, whole[0], folder=folder))
+        if missing:
+            _require_inputs(out, whole, recipe, folder)
         for world in worlds_in(out):  # the table lists them all in the end
             read_summary(world)
         if missing:
             compile_ahead(progress)
         task = partial(_make, recipe=recipe, folder=folder, out=out, only=only)
         failed: dict[int, str] = {}
-        done = run_tasks(task, missing, workers=workers, scheduler=scheduler)
         try:
-            for share_done, (number, error) in enumerate(done, 1):
+            for share_done, (number, error) in enumerate(
+                run_tasks(task, missing, workers=workers, scheduler=scheduler), 1
+            ):
                 if isinstance(error, Exception):
                     failed[number] = " ".join(str(error).split()) or type(error).__name__
                     if not isinstance(error, TerrainForgeError):
@@ -278,16 +279,20 @@ def _short(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
-def _require_inputs(out: Path, drawn: Drawn) -> None:
+def _require_inputs(out: Path, whole: Sequence[int], recipe: Recipe, folder: Path) -> None:
     """Refuse worlds of which an input file was another when they were made.
+
+    Of those with the same files the first is looked at.
 
     Raises:
         OutputError: names the file.
     """
-    found, now = read_manifest(out / name_of(drawn.number))["inputs"], dict(drawn.site.inputs)
-    for name in {**found, **now}:
-        if found.get(name) != now.get(name):
-            raise OutputError(f"{out} holds worlds of another {name}: choose another folder")
+    inputs = {n: read_manifest(out / name_of(n)).get("inputs", {}) for n in reversed(whole)}
+    for n in {tuple(found): n for n, found in inputs.items()}.values():
+        now = dict(draw(recipe, n, folder=folder).site.inputs)
+        for name in {**inputs[n], **now}:
+            if inputs[n].get(name) != now.get(name):
+                raise OutputError(f"{out} holds worlds of another {name}: choose another folder")
 
 
 def _require_whole(world: Path) -> None:
