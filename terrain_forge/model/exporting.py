@@ -161,7 +161,7 @@ def exporter(name: str) -> Exporter:
     """
     found = plugins(EXPORTERS)
     if name not in found:
-        hint = hint_at(name, found) or _for_program(name)
+        hint = hint_at(name.lower(), found) or _for_program(name)
         raise RecipeError(f"unknown exporter {name!r}{hint}, installed: {', '.join(sorted(found))}")
     if refused := refused_folder(name):
         skip_plugin(found[name], EXPORTERS, refused)
@@ -178,7 +178,8 @@ def _for_program(name: str) -> str:
     """Which of our exporters is for a program or kind of files, such as `gazebo` or `stl`."""
     for kind, point in sorted(plugins(EXPORTERS).items()):
         module = load_plugin(point, EXPORTERS) if is_ours(point.value) else None
-        if module and re.search(rf"\b{re.escape(name)}\b", module.__doc__ or "", re.IGNORECASE):
+        told = module and re.search(rf"\b{re.escape(name)}\b", module.__doc__ or "", re.IGNORECASE)
+        if told and told[0] != told[0].lower():  # no word that is no name
             return f" ({kind} is for it)"
     return ""
 

@@ -91,6 +91,23 @@ def test_formats_refuse_before_the_world_is_made(kind):
         check_capacity(module, module.Options(**options), nodes=nodes, rocks=rocks)
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("gazebo", " (sdf is for it)"),
+        ("stl", " (mesh is for it)"),
+        ("Isaac Sim", " (usd is for it)"),
+        ("USD", " (did you mean 'usd'?)"),
+        ("world", ""),
+        ("", ""),
+    ],
+)
+def test_a_program_is_answered_by_its_exporter(name, hint):
+    with pytest.raises(RecipeError) as told:
+        exporter(name)
+    assert str(told.value).startswith(f"unknown exporter {name!r}{hint}, installed: ")
+
+
 def test_every_exporter_of_ours_has_documented_options():
     for name in exporter_names():
         schema = json.dumps(exporter(name).Options.__doc__)
