@@ -198,5 +198,6 @@ def serve_tasks() -> None:
         except KeyboardInterrupt:
             os._exit(130)
         except BaseException:
-            traceback.print_exc()
+            with suppress(OSError):
+                traceback.print_exc()
             os._exit(1)

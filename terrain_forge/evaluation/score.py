@@ -93,8 +93,8 @@ class Score(Record):
     poses: int
     """Poses that were paired with the truth."""
     tracked: float
-    """Part of the truth's duration, without its gaps, in which the system told poses without one, 0
-    to 1."""
+    """Part of the truth's duration, its own gaps left out, in which the system told poses without a
+    gap, 0 to 1."""
     length: float
     """Length of the true path where there are paired poses [m]."""
     scale: float
