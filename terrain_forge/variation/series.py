@@ -395,7 +395,9 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def _write_table(out: Path, folders: tuple[Path, ...]) -> None:
-    """One row for each world: what was drawn, and what was measured."""
+    """One row for each world: what was drawn, and what was measured; no table without any."""
+    if not folders:
+        return
     found = [read_summary(folder) for folder in folders]
     rows = [
         {
