@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, distributions, entry_points
+from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from types import ModuleType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -98,7 +98,15 @@ def their_packages() -> dict[str, str]:
     """
     points = (point for group in entry_points().groups for point in _theirs(group))
     packages = {point.dist for point in points if point.dist is not None}
-    return dict(sorted((one.name, one.version) for one in packages if one.version))
+    return dict(sorted(found for one in packages if (found := _release(one))))
+
+
+def _release(package: Distribution) -> tuple[str, str] | None:
+    """Name and version of a package; None if it does not tell them."""
+    try:  # what finders of other packages find may raise anything here
+        return (package.name, package.version) if package.version else None
+    except FOREIGN_FAILURES:
+        return None
 
 
 def _theirs(group: str) -> list[EntryPoint]:

@@ -53,6 +53,6 @@ def lacking(versions: Mapping[str, str]) -> str:
 def _is_here(package: str) -> bool:
     try:
         version(package)
-    except (PackageNotFoundError, ValueError):  # ValueError: no name at all
+    except (PackageNotFoundError, ValueError, OSError):  # no name at all, or no metadata
         return False
     return True
