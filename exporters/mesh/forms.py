@@ -42,7 +42,6 @@ from terrain_forge.writers import (
     Floats,
     Indices,
     MattMaterial,
-    encode_texture,
     index_corners,
     rock_name,
     vertex_normals,
@@ -52,6 +51,7 @@ from terrain_forge.writers import (
     write_png,
     write_stl_faces,
     write_stl_header,
+    write_texture,
 )
 
 from .options import Options
@@ -143,8 +143,7 @@ def write_materials(
     for number in range(len(world.field.populations)):
         name, image = f"rock_{number}", f"rock_{number}.png"
         if textured:
-            texture = rock_texture(world, number, tinted=True)
-            (directory / image).write_bytes(encode_texture(texture))
+            write_texture(directory / image, rock_texture(world, number, tinted=True))
             materials += [
                 MattMaterial(
                     name=f"{name}_{tint}",
@@ -158,7 +157,7 @@ def write_materials(
             materials.append(MattMaterial(name=name, rgb=mean_rock_srgb(world, number)))
     if textured and (maps := rock_maps(world)):
         for file, image in zip(_maps(world).values(), maps, strict=True):
-            (directory / file).write_bytes(encode_texture(image))
+            write_texture(directory / file, image)
     write_mtl(directory / MATERIALS, materials)
 
 

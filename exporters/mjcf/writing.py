@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from io import StringIO
 from pathlib import Path
 
@@ -243,9 +244,8 @@ def _around(shape: Shape) -> Array:
     """Points on what collides, those of a rolling shape on its lower half, in the link's frame."""
     turn = matrix_from_quaternion(quaternion_from_rpy(shape.rpy))
     if shape.kind == "sphere":
-        left, angles = np.array([0.0, 1.0, 0.0]), np.linspace(-0.5 * np.pi, 0.5 * np.pi, 9)
-        rings = shape.size[0] * np.column_stack([np.sin(angles), np.cos(angles)])
-        at = shape.position
+        left, at = np.array([0.0, 1.0, 0.0]), shape.position
+        rings = shape.size[0] * _half_circle(9)
         return np.concatenate(
             [_lower_half(at + y * left, left, radius, 0.0) for y, radius in rings]
         )
@@ -265,14 +265,17 @@ def _lower_half(centre: Array, axle: Array, radius: float, width: float) -> Arra
     """Points on the lower half of a cylinder that lies about an axle, shape [points, 3]."""
     ahead = np.cross(axle, (0.0, 0.0, 1.0))
     ahead /= portable.norm(ahead)
-    angle, across = np.meshgrid(
-        np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33), np.linspace(-0.5, 0.5, 5)
-    )
-    turned = [radius * np.sin(angle), width * across, -radius * np.cos(angle)]
-    points = np.stack(turned, axis=-1).reshape(-1, 3)
+    circle, across = radius * _half_circle(33), width * np.linspace(-0.5, 0.5, 5)
+    points = np.array([(x, y, -z) for y in across for x, z in circle])
     return np.asarray(
         centre + portable.product(points, np.array([ahead, axle, np.cross(ahead, axle)]))
     )
+
+
+def _half_circle(count: int) -> Array:
+    """Sines and cosines from -90° to 90°, shape [count, 2]; NumPy's hang on the processor."""
+    angles = np.linspace(-0.5 * math.pi, 0.5 * math.pi, count).tolist()
+    return np.array([(math.sin(angle), math.cos(angle)) for angle in angles])
 
 
 def _path_sites(trajectory: Trajectory) -> list[Lines]:

@@ -24,7 +24,7 @@ from terrain_forge.geometry import (
 from terrain_forge.model import CLOSE, Mesh, RockField, Tile, World
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints
-from terrain_forge.writers import Lines, element, encode_texture, numbers, rock_name, write_stl
+from terrain_forge.writers import Lines, element, numbers, rock_name, write_stl, write_texture
 
 from .model import TEXTURES, Model, inertial, mesh, plain, surface
 from .options import Options
@@ -129,11 +129,10 @@ def _write_meshes(world: World, model: Model, kinds: Sequence[tuple[int, bool, b
 def _write_pictures(world: World, model: Model, populations: Sequence[int]) -> None:
     for population in populations:
         image = rock_texture(world, population, tinted=not model.classic)
-        file = model.path(f"{TEXTURES}/{_texture_file(population)}")
-        file.write_bytes(encode_texture(image))
+        write_texture(model.path(f"{TEXTURES}/{_texture_file(population)}"), image)
     if populations and model.relief and (maps := rock_maps(world)):
         for file, image in zip((_NORMALS, _ROUGHNESS), maps, strict=True):
-            model.path(f"{TEXTURES}/{file}").write_bytes(encode_texture(image))
+            write_texture(model.path(f"{TEXTURES}/{file}"), image)
 
 
 def _single_rocks(

@@ -29,7 +29,7 @@ from terrain_forge.geometry import (
 from terrain_forge.model import CLOSE, Mesh, RockField, RockLibrary, Tile, World, world_friction
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints
-from terrain_forge.writers import encode_texture, rock_name, vertex_normals
+from terrain_forge.writers import rock_name, vertex_normals, write_texture
 
 from .layer import (
     define_mesh,
@@ -60,7 +60,7 @@ NORMALS, ROUGHNESS = "rock_normals.png", "rock_roughness.png"
 def write_rock_maps(world: World, assets: Path) -> None:
     """Write the maps of normals and roughness that all rocks share, if there are any."""
     for file, image in zip((NORMALS, ROUGHNESS), rock_maps(world) or (), strict=False):
-        (assets / file).write_bytes(encode_texture(image))
+        write_texture(assets / file, image)
 
 
 def write_library(

@@ -49,7 +49,7 @@ from terrain_forge.model import (
 )
 from terrain_forge.rocks import require_pebbles, seen_close, tiles_near_paths
 from terrain_forge.scene import rock_tints
-from terrain_forge.writers import encode_texture, write_png
+from terrain_forge.writers import write_png, write_texture
 
 from .ground import (
     DETAIL,
@@ -218,8 +218,8 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     close = {number for number, shape in shapes if shape.close is not None}
     write_library(world.library, assets, close=close, turned=True)
     for population in range(len(world.field.populations)):
-        texture = encode_texture(rock_texture(world, population, tinted=True))
-        (assets / f"rock_{population}.png").write_bytes(texture)
+        texture = rock_texture(world, population, tinted=True)
+        write_texture(assets / f"rock_{population}.png", texture)
     write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:

@@ -33,7 +33,7 @@ from terrain_forge.geometry import (
 )
 from terrain_forge.model import ExportReport, Mesh, World
 from terrain_forge.rocks import path_pebbles, seen_close
-from terrain_forge.writers import encode_hdr, encode_texture, write_png
+from terrain_forge.writers import encode_hdr, write_png, write_texture
 
 from .ground import DETAIL, shown_craters, write_ground, write_horizon
 from .layer import ROOT, new_stage, save, turn_by
@@ -56,8 +56,8 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     turned = not lie_upright(world.field).all()
     write_library(world.library, assets, close=set(drawn_close.tolist()), turned=turned)
     for population in np.unique(world.field.population).tolist():
-        texture = encode_texture(rock_texture(world, population, tinted=True))
-        (assets / f"rock_{population}.png").write_bytes(texture)
+        texture = rock_texture(world, population, tinted=True)
+        write_texture(assets / f"rock_{population}.png", texture)
     write_rock_maps(world, assets)
     write_sky(world, assets)
     if world.appearance.detail:

@@ -22,6 +22,7 @@ from terrain_forge.base import (
 from terrain_forge.model import (
     RESERVED,
     Export,
+    Exporter,
     ExportReport,
     World,
     html_picture,
@@ -144,15 +145,28 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
                 raise ValueError(f"found {odd[0]}, which is no file in its folder")
     except ExportError as error:
         raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
-    if link := first_link(folder):
-        module = getattr(order.exporter, "__name__", order.kind)
-        raise PluginError(f"exporter {order.kind!r} ({module}) left the link {link} in its folder")
+    require_no_link(order.exporter, order.kind, folder)
     return Export(
         folder=order.folder,
         kind=order.kind,
         options=plain_options(order.options),
         losses=losses,
     )
+
+
+def require_no_link(exporter: Exporter, kind: str, folder: Path) -> None:
+    """Refuse what an exporter has left in its folder that is another's.
+
+    Raises:
+        PluginError: names the link.
+    """
+    if link := first_link(folder):
+        raise PluginError(f"{exporter_words(exporter, kind)} left the link {link} in its folder")
+
+
+def exporter_words(exporter: Exporter, kind: str) -> str:
+    """An exporter and its module."""
+    return f"exporter {kind!r} ({getattr(exporter, '__name__', kind)})"
 
 
 def _is_within(folder: Path, file: Path) -> bool:

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from terrain_forge.base import PluginError, first_link, returning
+from terrain_forge.base import PluginError, returning
+from terrain_forge.building import exporter_words, require_no_link
 from terrain_forge.model import Export, Exporter, Tile, TiledSite, TileGrid, World
 
 
@@ -68,8 +69,7 @@ def _within(export: Export, exporter: Exporter, folder: Path) -> Iterator[None]:
     """Refuse links that are left in an export's folder, and what is written beside it meanwhile."""
     before = {*folder.parent.iterdir()}
     yield
-    named = f"exporter {export.kind!r} ({getattr(exporter, '__name__', export.kind)})"
-    if link := first_link(folder):
-        raise PluginError(f"{named} left the link {link} in its folder")
+    require_no_link(exporter, export.kind, folder)
     if odd := sorted({*folder.parent.iterdir()} - before):
+        named = exporter_words(exporter, export.kind)
         raise PluginError(f"{named} wrote {odd[0].name} beside its folder")

@@ -8,6 +8,6 @@ from .grid import make_grid as make_grid
 from .series import ORDER as ORDER
 from .series import Worlds as Worlds
 from .series import name_of as name_of
-from .series import read_summary as read_summary
 from .series import worlds as worlds
 from .series import worlds_in as worlds_in
+from .summary import read_summary as read_summary

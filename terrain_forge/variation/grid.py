@@ -50,7 +50,8 @@ from terrain_forge.rocks import RocksSpec
 from terrain_forge.truth import write_truth
 from terrain_forge.variation.drawing import draw, require_drawable, require_untiled
 from terrain_forge.variation.mosaic import Mosaic
-from terrain_forge.variation.series import orders_of, summary_of
+from terrain_forge.variation.series import orders_of
+from terrain_forge.variation.summary import summary_of
 
 BORDER = 4.0
 """Width of the border between worlds of a grid at least, unless it is given [m]."""

@@ -8,6 +8,7 @@ from .image import encode_jpeg as encode_jpeg
 from .image import encode_png as encode_png
 from .image import encode_texture as encode_texture
 from .image import write_png as write_png
+from .image import write_texture as write_texture
 from .log_scale import log_axes as log_axes
 from .mesh import Floats as Floats
 from .mesh import Indices as Indices

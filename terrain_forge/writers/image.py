@@ -67,6 +67,11 @@ def encode_texture(image: NDArray[Any]) -> bytes:
     return found
 
 
+def write_texture(path: Path, image: NDArray[Any]) -> None:
+    """Write a texture as PNG; see `encode_texture`."""
+    Path(path).write_bytes(encode_texture(image))
+
+
 def encode_jpeg(image: NDArray[np.uint8]) -> bytes:
     """The JPEG file of a noisy RGB image, a fifth of its PNG; shape [rows, columns, 3]."""
     from PIL import Image
