@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -54,7 +54,7 @@ def write_manifest(
     directory: Path,
     *,
     exports: Sequence[Export],
-    altered: dict[str, str],
+    known: Mapping[str, str] | None = None,
     foreign: Collection[str] = (),
     holds: str = WORLD,
 ) -> Path:
@@ -64,12 +64,14 @@ def write_manifest(
         site: what the world was made from.
         directory: the output folder.
         exports: what was exported into the folder.
-        altered: files that are not as they were built, which keep the hash that they should have.
+        known: SHA-256 that files should have, which are not read: of those that are not as they
+            were built, above all.
         foreign: files that are not the world's, which it does not list.
         holds: what the folder holds, in a word.
     """
     names = [name for name in all_files(directory) if name not in foreign]
-    outputs = {**_hashes(directory, [name for name in names if name not in altered]), **altered}
+    known = known or {}
+    outputs = {**_hashes(directory, [name for name in names if name not in known]), **known}
     manifest = {
         "terrain_forge": __version__,
         "format": FORMAT,

@@ -111,8 +111,9 @@ class _Alone:
     """Of any exponent."""
     natural: float
     """Of exponents that ground has."""
-    points: float
-    """Of folded ground, whose posts are heights of points; infinite where they are not."""
+    points: Callable[[], float]
+    """Of folded ground, whose posts are heights of points; infinite where they are not. It is asked
+    for where the others do not decide."""
     few: bool
     """Whether the DTM is a small one."""
 
@@ -136,7 +137,7 @@ class _Alone:
     def _below(self, fit: Fit, share: float, ground: Bar, points: Bar) -> bool:
         alone = self.any if fit.window in WIDE else self.natural
         return ground.passed(fit.misfit, alone, share) and points.passed(
-            fit.misfit, self.points, share
+            fit.misfit, self.points(), share
         )
 
 
@@ -181,11 +182,16 @@ def find_noise(
         return FoundNoise(floor=floor)
     grounds = grounds_alone(side)
     bare, rounded = misfit_of(grounds, quiet, error), fit_rounded(grounds, quiet, error, step)
-    folded = are_points(heights, trusted)
+
+    @cache
+    def points() -> float:
+        folded = are_points(heights, trusted)
+        return misfit_of(grounds_of_points(side), quiet, error) if folded else math.inf
+
     alone = _Alone(
         any=min(bare, rounded),
         natural=min(misfit_of(grounds[:, NATURAL:], quiet, error), rounded),
-        points=misfit_of(grounds_of_points(side), quiet, error) if folded else math.inf,
+        points=points,
         few=side == _SMALL,
     )
     found = FoundNoise()

@@ -168,7 +168,7 @@ def illuminate(
             watch("view")
             if write_day(folder / "day.webp", world, moments, above, captions, _FRAMES):
                 lines.append("day.webp, what the preview's eye sees")
-        write_manifest(site, folder, exports=(), altered={}, holds=HOLDS)
+        write_manifest(site, folder, exports=(), holds=HOLDS)
     known = light.known_hours
     heading = (
         *([f"removed from {out}: {', '.join(removed)}"] if removed else []),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,22 @@ class Mesh(Record):
     """Positions [m], shape [vertices, 3]."""
     faces: NDArray[np.int32] = field(metadata=shaped("faces", 3, dtype=np.int32))
     """Corner indices, counter-clockwise seen from outside, shape [faces, 3]."""
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether it is closed and faces outward.
+
+        Closed: each edge is walked once each way, by two faces, so that none is open or turned
+        over. Outward: the volume that the faces enclose is positive.
+        """
+        faces = self.faces.astype(np.int64)
+        begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+        count = len(self.vertices)
+        there, back = np.sort(begin * count + end), np.sort(end * count + begin)
+        a, b, c = (self.vertices[faces[:, corner]] for corner in range(3))
+        volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+        once = bool(np.all(there[1:] > there[:-1]))
+        return volume > 0.0 and once and bool(np.array_equal(there, back))
 
 
 class TexturedMesh(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -39,9 +39,17 @@ if TYPE_CHECKING:
 FORMAT = 7
 MAX_JSON = 2**30
 """Bytes of a world's JSON."""
-_ARRAYS, _SHARED = "arrays.npz", "shared.npz"
+_TEXT, _ARRAYS = "world/world.json", "world/arrays.npz"
+SHARED_ARRAYS = "world/shared.npz"
+"""Where a stored world has the arrays that many worlds have alike."""
 _SHARED_PARTS = "world/library/", "world/appearance/detail/"
 """Beginnings of the names of arrays that many worlds have alike."""
+ArchiveWriter = Callable[[Path, dict[str, NDArray[Any]]], None]
+
+
+def write_archive(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    """Write arrays of a world by their names as an npz."""
+    np.savez(path, allow_pickle=False, **arrays)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,13 +168,20 @@ class World(Record):
         return Tile(number=number, world=part, whole=self)
 
     @checked
-    def save(self, directory: Path) -> list[Path]:
+    def save(self, directory: Path, *, write: ArchiveWriter = write_archive) -> list[Path]:
         """Store the world as `directory`/world/: world.json, arrays.npz and shared.npz.
 
-        The last holds what many worlds have alike, such as the rock library. Returns the files.
+        The last holds what many worlds have alike, such as the rock library.
+
+        Args:
+            directory: Where `world` is made.
+            write: Writes arrays by their names as an npz.
+
+        Returns:
+            The files.
         """
-        folder = Path(directory) / "world"
-        folder.mkdir(parents=True, exist_ok=True)
+        text = Path(directory) / _TEXT
+        text.parent.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, NDArray[Any]] = {}
         # A custom rover is the site's and the world's; its meshes are stored once.
         shared = self.site.custom_rover == self.rover
@@ -176,12 +191,11 @@ class World(Record):
             "shared_rover": shared,
             "world": to_plain(stored, arrays, "world"),
         }
-        text = folder / "world.json"
         text.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         files = [text]
         for name, parts in _apart(arrays).items():
-            files.append(folder / name)
-            np.savez(files[-1], allow_pickle=False, **parts)  # type: ignore[arg-type]
+            files.append(Path(directory) / name)
+            write(files[-1], parts)
         return files
 
     @staticmethod
@@ -193,13 +207,14 @@ class World(Record):
             OutputError: if the folder holds no world of this version.
         """
         sensor_kinds()  # registers them among the records
-        text = Path(directory) / "world" / "world.json"
+        text = Path(directory) / _TEXT
         try:
             plain = json.loads(read_text(text, text.name, most=MAX_JSON))
             if plain.get("format") != FORMAT:
                 found = plain.get("format")
                 raise OutputError(f"{text}: world format {found!r}, this version reads {FORMAT}")
-            arrays = read_arrays(text.with_name(_ARRAYS)) | read_arrays(text.with_name(_SHARED))
+            arrays = read_arrays(Path(directory) / _ARRAYS)
+            arrays |= read_arrays(Path(directory) / SHARED_ARRAYS)
             world = from_plain(plain["world"], arrays, World)
             if plain["shared_rover"]:
                 world = world.replace(site=world.site.replace(custom_rover=world.rover))
@@ -217,9 +232,9 @@ class World(Record):
 
 def _apart(arrays: dict[str, NDArray[Any]]) -> dict[str, dict[str, NDArray[Any]]]:
     """The arrays of a stored world by the file that they go into."""
-    files: dict[str, dict[str, NDArray[Any]]] = {_ARRAYS: {}, _SHARED: {}}
+    files: dict[str, dict[str, NDArray[Any]]] = {_ARRAYS: {}, SHARED_ARRAYS: {}}
     for name, array in arrays.items():
-        files[_SHARED if name.startswith(_SHARED_PARTS) else _ARRAYS][name] = array
+        files[SHARED_ARRAYS if name.startswith(_SHARED_PARTS) else _ARRAYS][name] = array
     return files
 
 

@@ -78,7 +78,7 @@ def assess(
         world.site,
         directory,
         exports=result.exports,
-        altered=before.altered,
+        known=before.altered,
         foreign=before.foreign,
     )
     return result.passed

@@ -37,7 +37,7 @@ def renew_report_page(world: World, out: Path, *, force: bool = False) -> None:
         left = "the recording is complete, its report page is not renewed"
         with telling_interrupts(lambda: left), updating(out, foreign=foreign) as fresh:
             write_report_page(world, fresh, exports=exports, dataset=dataset_folder(out))
-            write_manifest(world.site, fresh, exports=exports, altered=altered, foreign=foreign)
+            write_manifest(world.site, fresh, exports=exports, known=altered, foreign=foreign)
     except Exception as error:
         why = " ".join(str(error).split())[:300] or type(error).__name__
         _log.warning("recorded, but the report page is not written anew: %s", why)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from terrain_forge.base import checked
 from terrain_forge.model import World
+from terrain_forge.paths import Traversability
 from terrain_forge.truth.craters import write_craters
 from terrain_forge.truth.materials import write_materials
 from terrain_forge.truth.rasters import rock_rasters
@@ -17,13 +18,20 @@ from terrain_forge.writers import write_geotiff
 
 
 @checked
-def write_truth(world: World, directory: Path, *, figures: bool = True) -> list[Path]:
+def write_truth(
+    world: World,
+    directory: Path,
+    *,
+    figures: bool = True,
+    rated: Traversability | None = None,
+) -> list[Path]:
     """Write the ground, its rocks and the verification of them into `directory`/truth.
 
     Args:
         world: The world.
         directory: Where `truth` is made.
         figures: Whether to draw the verification too.
+        rated: What `rate_world` says of it, where that is known.
 
     Returns:
         The files.
@@ -42,5 +50,5 @@ def write_truth(world: World, directory: Path, *, figures: bool = True) -> list[
     write_rocks(world, rocks)
     verification = write_size_frequency(world, truth, rock_id=rock_id, figure=figures)
     craters = write_craters(world, truth)
-    rated = write_traversability(world, truth)
-    return [*files, rocks, *verification, *craters, *rated]
+    maps = write_traversability(world, truth, rated)
+    return [*files, rocks, *verification, *craters, *maps]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, portable
-from terrain_forge.model import Mesh, RockLibrary, World
+from terrain_forge.model import RockLibrary, World
 from terrain_forge.rocks import find_overlaps
 from terrain_forge.truth.counts import ExpectedCounts, Sample
 from terrain_forge.truth.rasters import rock_rasters
@@ -313,7 +313,7 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
             "hull_excess": prototype.hull_excess,
             "hull_distance": prototype.hull_distance,
             "outline_errors": list(prototype.outline_errors),
-            "watertight": all(map(is_closed, (*prototype.meshes, *prototype.hulls))),
+            "watertight": all(mesh.is_closed for mesh in (*prototype.meshes, *prototype.hulls)),
         }
         for prototype in library.prototypes
     ]
@@ -327,19 +327,3 @@ def shape_figures(library: RockLibrary) -> dict[str, Any]:
         ),
         "shapes": shapes,
     }
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """Whether a mesh is closed and faces outward.
-
-    Closed: each edge is walked once each way, by two faces, so that none is open or turned over.
-    Outward: the volume that the faces enclose is positive.
-    """
-    faces = mesh.faces.astype(np.int64)
-    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    count = len(mesh.vertices)
-    there, back = np.sort(begin * count + end), np.sort(end * count + begin)
-    a, b, c = (mesh.vertices[faces[:, corner]] for corner in range(3))
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
-    once = bool(np.all(there[1:] > there[:-1]))
-    return volume > 0.0 and once and bool(np.array_equal(there, back))

@@ -31,7 +31,9 @@ _FINEST = {"slope": 2.0**-8, "step": 2.0**-13, "cost": 2.0**-10}
 """What the rasters' values are rounded to [deg, m, 1], since noise does not compress."""
 
 
-def write_traversability(world: World, truth: Path) -> list[Path]:
+def write_traversability(
+    world: World, truth: Path, rated: Traversability | None = None
+) -> list[Path]:
     """Write the rasters, the map and what each path meets into the folder `truth`.
 
     Slope [deg], step [m] and cost (0 to 1, where the rover cannot be) are GeoTIFFs of the ground's
@@ -43,7 +45,7 @@ def write_traversability(world: World, truth: Path) -> list[Path]:
     """
     if not world.rover.wheels:
         return []
-    field = rate_world(world)
+    field = rated or rate_world(world)
     files = write_rasters(field, truth, ground=world.ground, site=world.site)
     files += write_map(field, truth / "map")
     whole = [(slice(None), world, field)]

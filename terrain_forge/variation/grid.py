@@ -119,7 +119,7 @@ def make_grid(
         told = {"rows": shape[0], "columns": shape[1], "steepest_border_deg": steepest}
         text = json.dumps({**told, "worlds": cells}, indent=1)
         (directory / "grid.json").write_text(text + "\n", encoding="utf-8")
-        write_manifest(whole.site, directory, exports=exports, altered={})
+        write_manifest(whole.site, directory, exports=exports)
     return out
 
 

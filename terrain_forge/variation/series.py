@@ -56,9 +56,9 @@ from terrain_forge.recipe import (
     input_paths,
     recipe_json,
 )
-from terrain_forge.truth import write_truth
+from terrain_forge.truth import rate_world, write_truth
 from terrain_forge.variation.drawing import draw, require_drawable, require_untiled
-from terrain_forge.variation.sharing import drop_unshared, share
+from terrain_forge.variation.sharing import SharedArchive, drop_unshared, share
 from terrain_forge.variation.summary import SUMMARY, read_summary, summary_of, write_table
 
 ORDER, POOL = "worlds.json", "shared"
@@ -315,15 +315,19 @@ def _make(
     try:
         world = make_world(drawn.site, drawn.site.window, settled=True, progress=Stopwatch(silent))
         spec = (recipe.worlds or WorldsSpec()).arrival
-        summary = summary_of(drawn, world, spec)
+        rated = rate_world(world) if world.rover.wheels else None
+        summary = summary_of(drawn, world, spec, rated)
         exports = tuple(write_export(world, begun, order) for order in orders)
-        write_truth(world, begun, figures=False)
+        write_truth(world, begun, figures=False, rated=rated)
         if world.trajectories:
             write_trajectories(world.trajectories, begun / "paths")
-        world.save(begun)
+        archive = SharedArchive(out / POOL)
+        world.save(begun, write=archive.write)
         _write(begun / SUMMARY, summary)
-        write_manifest(world.site, begun, exports=exports, altered={})
-        share(begun, read_manifest(begun)["outputs"], out / POOL)
+        write_manifest(world.site, begun, exports=exports, known=archive.known)
+        hashes = read_manifest(begun)["outputs"]
+        share(begun, hashes, out / POOL)
+        archive.keep(hashes)
         write_through(begun)
         begun.rename(out / name_of(number))
         sync(out)

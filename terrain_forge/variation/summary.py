@@ -15,7 +15,7 @@ import numpy as np
 
 from terrain_forge.base import DataError, OutputError, read_json, write_whole
 from terrain_forge.model import World
-from terrain_forge.paths import arrivals
+from terrain_forge.paths import Traversability, arrivals
 from terrain_forge.recipe import ArrivalSpec
 from terrain_forge.truth import rate_world
 from terrain_forge.variation.drawing import Drawn
@@ -23,8 +23,13 @@ from terrain_forge.variation.drawing import Drawn
 SUMMARY, TABLE = "drawn.json", "worlds.csv"
 
 
-def summary_of(drawn: Drawn, world: World, spec: ArrivalSpec) -> dict[str, Any]:
-    """What was drawn for a world, and what was measured in it, as JSON has it."""
+def summary_of(
+    drawn: Drawn, world: World, spec: ArrivalSpec, rated: Traversability | None = None
+) -> dict[str, Any]:
+    """What was drawn for a world, and what was measured in it, as JSON has it.
+
+    `rated` is what `rate_world` says of it, where that is known.
+    """
     area = float(np.prod(world.site.size))
     own = world.field.diameter
     measured: dict[str, Any] = {
@@ -34,9 +39,8 @@ def summary_of(drawn: Drawn, world: World, spec: ArrivalSpec) -> dict[str, Any]:
         "slope_deg": round(_median_slope(world), 3),
     }
     if world.rover.wheels:
-        found = arrivals(
-            rate_world(world), seed=world.site.seed, starts=spec.starts, distance=spec.distance_m
-        )
+        rated = rated or rate_world(world)
+        found = arrivals(rated, seed=world.site.seed, starts=spec.starts, distance=spec.distance_m)
         measured |= {
             "arrive": round(found.planned, 4),
             "arrive_straight": round(found.straight, 4),

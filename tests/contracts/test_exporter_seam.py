@@ -58,7 +58,7 @@ def test_the_manifest_tells_who_wrote_a_folder_and_how(small_world, tmp_path, ki
     export = Export(
         folder=folder.as_posix(), kind=kind, options=plain_options(options), losses=("Much.",)
     )
-    write_manifest(small_world.site, tmp_path, exports=[export], altered={})
+    write_manifest(small_world.site, tmp_path, exports=[export])
     manifest = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
     (found,) = exports_in(manifest)
     assert found == export

@@ -23,7 +23,7 @@ def folder(tmp_path):
     """A folder of two files that its manifest lists, one of them a link to no file by now."""
     for name in ("a.txt", "b.txt"):
         (tmp_path / name).write_text(name)
-    write_manifest(worlds.site(), tmp_path, exports=(), altered={})
+    write_manifest(worlds.site(), tmp_path, exports=())
     (tmp_path / "b.txt").unlink()
     (tmp_path / "b.txt").symlink_to("/proc/self/mem")
     return tmp_path
@@ -38,7 +38,7 @@ def test_one_that_cannot_be_read_is_altered(folder):
 def test_a_new_manifest_keeps_what_it_should_be(folder):
     manifest = json.loads((folder / "manifest.json").read_text())
     state = folder_state(folder, manifest)
-    write_manifest(worlds.site(), folder, exports=(), altered=state.altered)
+    write_manifest(worlds.site(), folder, exports=(), known=state.altered)
     assert json.loads((folder / "manifest.json").read_text()) == manifest
 
 

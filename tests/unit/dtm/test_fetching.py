@@ -103,7 +103,7 @@ def test_a_place_is_fetched_once_and_cited(web, tmp_path, caplog):
     site = tf.plan(tmp_path / "gale.yaml")
     assert "362 kB from 127.0.0.1; public domain" in caplog.text
     assert np.degrees(site.lonlat) == pytest.approx(GALE.lonlat_deg)
-    manifest = json.loads(write_manifest(site, tmp_path, exports=(), altered={}).read_text())
+    manifest = json.loads(write_manifest(site, tmp_path, exports=()).read_text())
     assert manifest["origins"][GALE.product]["url"] == web.address + PATH
     record = json.loads((tmp_path / "cache" / "dtm" / f"{GALE.product}.IMG.json").read_text())
     assert manifest["inputs"] == {GALE.product: record["sha256"]}

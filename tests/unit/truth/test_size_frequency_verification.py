@@ -28,7 +28,7 @@ from terrain_forge.rocks import (
 from terrain_forge.rocks.laws.sites import ABUNDANCES, FRAGMENTS
 from terrain_forge.truth import shape_figures
 from terrain_forge.truth.counts import ExpectedCounts
-from terrain_forge.truth.size_frequency import is_closed, size_frequency, write_size_frequency
+from terrain_forge.truth.size_frequency import size_frequency, write_size_frequency
 from terrain_forge.truth.statistics import clark_evans, count_band
 from tests.helpers import worlds
 from tests.helpers.pictures import DRAW_AXIS
@@ -385,13 +385,13 @@ def test_any_name_can_be_drawn(tmp_path, monkeypatch):
 
 def test_a_mesh_is_closed_only_as_a_whole_and_outward():
     mesh = worlds.library().prototypes[0].meshes[0]
-    assert is_closed(mesh)
-    assert not is_closed(mesh.replace(faces=mesh.faces[1:]))
-    assert not is_closed(mesh.replace(faces=mesh.faces[:, ::-1]))
+    assert mesh.is_closed
+    assert not mesh.replace(faces=mesh.faces[1:]).is_closed
+    assert not mesh.replace(faces=mesh.faces[:, ::-1]).is_closed
     one_turned = mesh.faces.copy()
     one_turned[3] = one_turned[3, ::-1]
-    assert not is_closed(mesh.replace(faces=one_turned))
-    assert not is_closed(mesh.replace(faces=np.concatenate([mesh.faces, mesh.faces[:1]])))
+    assert not mesh.replace(faces=one_turned).is_closed
+    assert not mesh.replace(faces=np.concatenate([mesh.faces, mesh.faces[:1]])).is_closed
 
 
 def test_figures_of_the_shapes_are_the_worst_of_each():
