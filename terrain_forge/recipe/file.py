@@ -28,6 +28,7 @@ from terrain_forge.base import (
     checked,
     complaint,
     dotted,
+    hint_at,
     read_text,
     resolved,
     warn_user,
@@ -43,6 +44,8 @@ MAX_RECIPE = 2**18
 _OCTAL = re.compile(r"[-+]?0[\d_]")
 MAX_DIGITS = 400
 """Digits of a whole number in a recipe."""
+_MOST_TOLD = 8
+"""Elements of a list that a message names."""
 _TOO_DEEP = f"mappings and lists are nested more than {MAX_DEPTH} deep"
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{n}"
@@ -227,8 +230,7 @@ def read_mapping(path: Path, *, what: str = "a recipe") -> tuple[dict[str, Any],
     except (YAMLError, ValueError) as error:
         raise RecipeError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(data, dict):
-        found = {type(None): "nothing", str: "a text", list: "a list"}.get(type(data), "a number")
-        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {found}")
+        raise RecipeError(f"{path}:1: {what} is a mapping of keys, found {_kind(data)}")
     return data, lines
 
 
@@ -282,20 +284,39 @@ def _apply(data: Any, change: str) -> Key:
         if old != new:
             warn_renamed("--set", given[: n + 1], keys[: n + 1])
     value = _value(change, text)
+    target: Any = data
+    for n, key in enumerate(keys):
+        named = isinstance(target, dict)
+        if not named and not (isinstance(target, list) and key in range(len(target))):
+            why = f"in the recipe: {dotted(keys[:n])} {_beside(target, str(key))}"
+            raise RecipeError(f"--set {change}: there is no place {name.strip()!r} {why}")
+        step = str(key) if named else key
+        if n + 1 == len(keys):
+            target[step] = value
+        else:
+            target = target.setdefault(step, {}) if named else target[step]
     try:
-        target = data
-        for key in keys[:-1]:
-            is_list = isinstance(target, list)
-            target = target[int(key)] if is_list else target.setdefault(str(key), {})
-        target[int(keys[-1]) if isinstance(target, list) else str(keys[-1])] = value
         renamed = rename_keys(data)  # in a value that is a mapping
-    except (ValueError, IndexError, TypeError, AttributeError):
-        raise RecipeError(f"--set {change}: there is no place {name!r} in the recipe") from None
     except RecipeError as error:
         raise RecipeError(f"--set {change}: {dotted(error.key)}: {error}") from None
     for old_key, new_key in renamed:
         warn_renamed("--set", old_key, new_key)
     return tuple(keys)
+
+
+def _kind(found: Any) -> str:
+    """What a value is, if it is no mapping."""
+    return {type(None): "nothing", str: "a text", list: "a list"}.get(type(found), "a number")
+
+
+def _beside(found: Any, word: str) -> str:
+    """What stands where a key leads on to a word that is not there."""
+    if not isinstance(found, list):
+        return f"is {_kind(found)}, which has no keys"
+    names = [one.get("name", one.get("kind", "")) if isinstance(one, dict) else "" for one in found]
+    told = [f"{n} ({name})" if name else str(n) for n, name in enumerate(names[:_MOST_TOLD])]
+    more = f" and {len(names) - _MOST_TOLD} more" * (len(names) > _MOST_TOLD)
+    return f"has {', '.join(told) or 'no elements'}{more}{hint_at(word, map(str, names))}"
 
 
 def _value(change: str, text: str) -> Any:

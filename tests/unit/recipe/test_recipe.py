@@ -218,9 +218,21 @@ def test_changes_of_the_command_line(tmp_path):
     assert load_recipe(path, changes=changes).recipe.rocks.populations[1].diameter_m == (0.6, 1.0)
     with pytest.raises(RecipeError, match=r"there is no place 'rocks\.populations\.none\.k'"):
         load_recipe(path, changes=("rocks.populations.none.k=1",))
-    for bad in ("terrain.spacing_m", "rocks.populations.9.name=x", "name.deep=1", "=3"):
+    for bad in ("terrain.spacing_m", "=3"):
         with pytest.raises(RecipeError, match="--set"):
             load_recipe(path, changes=(bad,))
+    listed = r"rocks\.populations has 0 \(pebbles\), 1 \(boulders\)"
+    for key, why in (
+        ("rocks.populations.9.name", listed),
+        ("rocks.populations.-1.name", listed),
+        ("rocks.populations.boulder.name", listed + r" \(did you mean 'boulders'\?\)"),
+        ("rocks.populations.+1", listed),
+        ("name.deep", "name is a text, which has no keys"),
+        ("seed.deep.er", "seed is a number, which has no keys"),
+    ):
+        told = f"there is no place '{re.escape(key)}' in the recipe: {why}$"
+        with pytest.raises(RecipeError, match=told):
+            load_recipe(path, changes=(f"{key}=x",))
     for change, wrong in (
         ("terrain.spacing_m=-1", r"terrain\.spacing_m: must be greater"),
         ("terrain={layers: []}", r"terrain\.spacing_m: is missing"),
