@@ -27,12 +27,20 @@ FLAGS = [
 FRAME = """<iframe src="%s" style="width: %dpx; height: 800px; border: 0"></iframe>
 <script>onmessage = (event) => { document.title = event.data; };</script>
 """
+NAME = 64 * "w"
+LONG = f"""<section><p>From above <span class="key">path {NAME}</span></p>
+<dl class="facts"><div><dt>Path {NAME}: largest tilt</dt><dd>12.25°</dd></div></dl>
+<div class="wide"><table><tr><td id="named">{NAME}</td><td class="num">12.25 m</td></tr>
+</table></div></section>
+"""
+"""A path of the longest name, where pages have one."""
 PROBE = """
 addEventListener("load", () => setTimeout(() => {
   const wide = document.documentElement.scrollWidth;
   const small = [...document.querySelectorAll("body *")].filter((part) => part.innerText &&
     parseFloat(getComputedStyle(part).fontSize) < 12).length;
-  parent.postMessage(JSON.stringify({wide, window: innerWidth, small}), "*");
+  const named = document.getElementById("named").getBoundingClientRect().width;
+  parent.postMessage(JSON.stringify({wide, window: innerWidth, small, named}), "*");
 }, 3000));
 """
 
@@ -92,6 +100,7 @@ def test_the_view_has_a_world_in_it(page, tmp_path):
 
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_wider_than_the_window_or_too_small_to_read(page, tmp_path, width):
+    page = changed(page, "</footer>", f"</footer>{LONG}")
     allowed = f"script-src 'sha256-{b64encode(sha256(PROBE.encode()).digest()).decode()}' "
     probed = changed(page, "script-src ", allowed)
     probed = changed(probed, "</head>", f"<script>{PROBE}</script></head>")
@@ -103,6 +112,7 @@ def test_nothing_is_wider_than_the_window_or_too_small_to_read(page, tmp_path, w
     assert found["window"] == width
     assert found["wide"] <= width
     assert found["small"] == 0
+    assert found["named"] < 0.8 * width  # of a table, what stands beside a name is seen
 
 
 def test_a_foreign_picture_is_refused_and_seen_on_the_console(page, tmp_path):
