@@ -152,7 +152,11 @@ def ask(url: str, name: str, *, wish: str) -> Answer:
             size = answer.headers.get("Content-Range", "").rpartition("/")[2]
         if not size.isdecimal() or not 0 < int(size) <= MOST:
             host = urlsplit(answer.url).hostname
-            raise DataError(f"{host} tells no size of {name} from 1 B to 64 GiB", key=_KEY)
+            told = f"{size} bytes" if size else "nothing"
+            raise DataError(
+                f"{host} tells {told} as the size of {name}, must be 1 B to {MOST // 2**30} GiB",
+                key=_KEY,
+            )
         return Answer(url=answer.url, size=int(size), tag=_tag(answer.headers), in_pieces=in_pieces)
 
 
