@@ -85,7 +85,7 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         if isinstance(error, OSError) and (told := plugin_at_fault(error)):
             say(f"terrain-forge: {told}; --debug shows all", err=True)
             return INTERNAL
-        say(f"terrain-forge: {error}", err=True)
+        say(f"terrain-forge: {_told(error)}", err=True)
         if getattr(error, "errno", None) in _NO_PATH:
             return WRONG_INPUT
         return next((status for kind, status in _STATUS.items() if isinstance(error, kind)))
@@ -98,6 +98,16 @@ def run_command(command: click.Command, arguments: list[str]) -> int:
         traceback.print_exc()
         click.echo("terrain-forge: internal error, please report it with the lines above", err=True)
         return INTERNAL
+
+
+def _told(error: Exception) -> str:
+    """An error as a line; where the current folder was removed, the system names nothing."""
+    if isinstance(error, FileNotFoundError) and error.filename is None:
+        try:
+            Path.cwd()
+        except FileNotFoundError:
+            return "the current folder was removed: change to another"
+    return str(error)
 
 
 def run_process(command: click.Command) -> None:

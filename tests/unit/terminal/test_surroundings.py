@@ -53,6 +53,18 @@ def test_a_stream_that_takes_nothing_is_named():
     assert silent.returncode == 2
 
 
+def test_a_current_folder_that_was_removed_is_told(tmp_path):
+    recipe = write_starter(tmp_path / "kept")
+    command = f"{COMMAND.replace('sites', 'build')} {shlex.quote(str(recipe))}"
+    (tmp_path / "gone").mkdir()
+    done = subprocess.run(
+        f"rmdir ../gone; {command}",
+        shell=True, cwd=tmp_path / "gone", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    told = "terrain-forge: the current folder was removed: change to another\n"
+    assert (done.returncode, done.stderr) == (3, told)
+
+
 def test_a_shell_that_asks_for_completion_is_answered():
     asked = {"_TERRAIN_FORGE_COMPLETE": "bash_complete", "COMP_WORDS": "x ch", "COMP_CWORD": "1"}
     done = subprocess.run(
