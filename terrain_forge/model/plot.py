@@ -48,10 +48,10 @@ def plot_world(world: World, axes: Axes | None = None) -> Axes:
     shown = world.field.diameter >= smallest
     _draw_circles(axes, world.field.position[shown, :2], world.field.diameter[shown])
     _draw_paths(axes, {path.name: path.position for path in world.trajectories})
-    title = (
-        f"{world.site.name}: {len(world.field):,} rocks on {east - west:g} × {north - south:g} m"
-    )
+    rocks = f"{len(world.field):,} rock{'s' * (len(world.field) != 1)}"
+    title = f"{world.site.name}: {rocks} on {east - west:g} × {north - south:g} m"
     axes.set(xlim=(west, east), ylim=(south, north), title=title)
+    axes.title.set_parse_math(False)
     return axes
 
 
@@ -168,8 +168,10 @@ def _draw_circles(axes: Axes, centres: Array, diameters: Array, *, hollow: bool 
 def _draw_paths(axes: Axes, paths: Mapping[str, Array]) -> None:
     for number, (name, points) in enumerate(paths.items()):
         colour = _PATHS[number % len(_PATHS)]
-        axes.plot(*points[:, :2].T, color=colour, lw=1.6, label=name)
+        axes.plot(*points[:, :2].T, color=colour, lw=1.6, label=" " * name.startswith("_") + name)
         axes.plot(*points[0, :2], color=colour, marker="o", ms=5, mec="black")
     if paths:
-        axes.legend(loc="upper right", fontsize="small", facecolor="#555555", labelcolor="white")
+        style = {"fontsize": "small", "facecolor": "#555555", "labelcolor": "white"}
+        for text in axes.legend(loc="upper right", **style).get_texts():
+            text.set_parse_math(False)
     axes.set(aspect="equal", xlabel="East [m]", ylabel="North [m]")

@@ -201,9 +201,10 @@ def _policy(run: Sequence[str]) -> str:
 def _lead(built: Built) -> str:
     site = built.world.site
     east, north = built.extent
+    rocks = len(built.world.field)
     return (
         f"{site.body.name.capitalize()} · {east:g} × {north:g} m at {site.spacing:g} m · "
-        f"{thousands(len(built.world.field))} rocks · seed {site.seed}"
+        f"{thousands(rocks)} rock{'s' * (rocks != 1)} · seed {site.seed}"
     )
 
 

@@ -14,6 +14,7 @@ from terrain_forge.base import own_style
 from terrain_forge.studies.cells import Study
 from terrain_forge.studies.effects import MAIN, MEASURES, Effect
 from terrain_forge.studies.factors import Factor
+from terrain_forge.writers import figure_text
 
 _COLOURS = ("#b4552d", "#2f6f8f", "#5f8a3a", "#8a5fa0", "#c39a2b", "#555555")
 _INK = "#4a433d"
@@ -44,13 +45,13 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect]) -> bytes:
         axes.yaxis.set_major_formatter(plain)
         few = max(values) < 20.0 * min(values)
         axes.yaxis.set_minor_formatter(plain if few else NullFormatter())
-    names = [_short(level.name) for level in factor.levels]
+    names = [figure_text(_short(level.name)) for level in factor.levels]
     long = max(map(len, names)) > 9
     axes.set_xticks(
         range(len(names)), names, rotation=15 if long else 0, ha="right" if long else "center"
     )
     axes.set_xlim(-0.5, len(names) - 0.5)
-    axes.set_title(factor.name, fontsize=11, loc="left", color=_INK)
+    axes.set_title(figure_text(factor.name), fontsize=11, loc="left", color=_INK)
     axes.set_ylabel(f"{MAIN} [{MEASURES[MAIN][3]}]")
     axes.grid(axis="y", color="#eee8e0", linewidth=0.6)
     axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
@@ -73,7 +74,8 @@ def _draw(axes: Axes, effects: list[Effect], shift: float, colour: str, system: 
             medians.append(float(np.median(one.values)))
         if len(one.values) < one.cells:
             axes.plot(number + shift, 0.02, "x", color=colour, transform=axes.get_xaxis_transform())
-    axes.plot(places, medians, "-", color=colour, linewidth=1.4, marker="_", ms=12, label=system)
+    label = " " * system.startswith("_") + figure_text(system)  # "_" would hide it
+    axes.plot(places, medians, "-", color=colour, linewidth=1.4, marker="_", ms=12, label=label)
 
 
 def _short(name: str) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, own_style
 from terrain_forge.report.recorded.plots import INK, LEGEND, blank_figure, png_of
+from terrain_forge.writers import figure_text
 
 _COLOURS = ("#d1495b", "#2f6f8f", "#5f8a3a", "#8a5fa0", "#c39a2b", "#17a398", "#9a5b2d", "#444444")
 _MARGIN = 2.0
@@ -44,7 +45,7 @@ def trajectory_plot(
     for number, (name, rows) in enumerate(runs.items()):
         colour = _COLOURS[number % len(_COLOURS)]
         rows = rows[:: max(1, len(rows) // _DRAWN)]
-        axes.plot(rows[:, 2], rows[:, 3], color=colour, linewidth=1.3, label=name)
+        axes.plot(rows[:, 2], rows[:, 3], color=colour, linewidth=1.3, label=figure_text(name))
     axes.plot(*truth[0, :2], "o", color="white", markeredgecolor=INK, markersize=6)
     low, high = truth[:, :2].min(axis=0), truth[:, :2].max(axis=0)
     reach = 0.5 * float((high - low).max()) + _MARGIN
@@ -72,7 +73,7 @@ def error_plot(runs: Mapping[str, Array]) -> bytes:
         errors = np.maximum(errors, _LEAST)
         least = min(least, float(np.median(errors)))
         colour = _COLOURS[number % len(_COLOURS)]
-        axes.plot(station, errors, color=colour, linewidth=1.2, label=name)
+        axes.plot(station, errors, color=colour, linewidth=1.2, label=figure_text(name))
     axes.set_yscale("log")
     axes.set_ylim(bottom=max(0.1 * least, _LEAST))
     axes.set_xlabel("length of the true path [m]")

@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 
 import terrain_forge as tf
 from terrain_forge.building import BuildResult
+from terrain_forge.model import write_plot
 from terrain_forge.recipe import RecipeFile
 from tests.helpers.recipes import flat
 
@@ -37,6 +39,19 @@ def test_plot_shows_ground_rocks_and_paths_in_their_places(small_world):
     row, column = (np.array([-3.0, 6.0]) - [south, west]) / small_world.ground.spacing
     lit, dark = (shade[int(row + side * 5), int(column - side * 5)] for side in (1, -1))
     assert lit > 1.2 * dark
+
+
+def test_names_are_no_formulas_and_none_is_hidden(small_world, tmp_path):
+    paths = [replace(small_world.trajectories[0], name=name) for name in ("$^_$", "_hidden")]
+    world = small_world.replace(
+        site=replace(small_world.site, name="$^_$"), trajectories=tuple(paths)
+    )
+    figure = Figure()
+    axes = world.plot(figure.add_subplot())
+    assert axes.get_title().startswith("$^_$: 40 rocks on ")
+    shown = [text.get_text().strip() for text in axes.get_legend().get_texts()]
+    assert shown == ["$^_$", "_hidden"]
+    write_plot(world, tmp_path / "plot.png", note="a note", software="a test")
 
 
 def test_values_are_short_in_text_and_pictures_in_notebooks(small_world, tmp_path):
