@@ -114,14 +114,14 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     """
     from terrain_forge import pipeline
     from terrain_forge.base import compile_ahead
-    from terrain_forge.making import draft, plan_draft
+    from terrain_forge.making import draft, plan_draft, with_fetched
     from terrain_forge.terminal import load_given, located, require_preview, tell_preview
 
     file = load_given(recipe, seed=seed, changes=changes)
     out = out or Path(f"{file.recipe.name}_preview.png")
     require_preview(out)
     with located(file), Display(("compile", *pipeline.MAKING)) as display:
-        drafted = draft(file.recipe, folder=file.folder)
+        drafted = with_fetched(draft(file.recipe, folder=file.folder), progress=display)
         compile_ahead(display)
         display("plan")
         site = plan_draft(drafted, progress=display)

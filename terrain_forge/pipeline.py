@@ -153,6 +153,7 @@ def build(
             tiling.require_whole(out, workers, scheduler, exchange)
         elif draft.named.tiles is not None:
             tiling.require_tiles(draft.named, orders)
+        draft = making.with_fetched(draft, progress=watch)
         compile_ahead(watch)
         site = making.plan_draft(draft, progress=watch)
         if site.recipe.tiles is not None:

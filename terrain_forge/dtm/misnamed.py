@@ -39,7 +39,7 @@ def remedy(path: Path) -> str:
 
 def _only_data(header: Path) -> Path | None:
     """A file beside a header that has its stem and an ending that we do not know."""
-    known = {_HEADER, *_BESIDE[_HEADER], ".xml", ".txt"}
+    known = {_HEADER, *_BESIDE[_HEADER], ".xml", ".txt", *ARRAYS}
     beside = header.parent.glob(f"{escape(header.stem)}.*")
     found = [file for file in beside if file.suffix.lower() not in known and file.is_file()]
     return found[0] if len(found) == 1 and file_to_open(header) == header else None

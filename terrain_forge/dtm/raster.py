@@ -38,6 +38,7 @@ Others, such as VRT, WMS and WCS, name files elsewhere or addresses in the netwo
 netCDF of version 4, which is HDF5 too."""
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _CLASSIC = b"CDF"
+_NUMPY = b"\x93NUMPY", b"PK\x03\x04"
 """What netCDF begins with that is not HDF5."""
 _BESIDE = ".ovr", ".msk"
 """Endings of files beside a raster that GDAL opens with whatever driver takes them."""
@@ -324,6 +325,8 @@ def _drivers_of(path: Path) -> list[str]:
             f"{path.name} is HDF5 (or netCDF-4), which can name any other file as its data: make a "
             "GeoTIFF or classic netCDF of it, as by gdal_translate"
         )
+    if begin.startswith(_NUMPY):  # beside a header it would be read as ENVI's data, its own too
+        return ["GTiff"]
     classic = begin.startswith(_CLASSIC)
     return [name for name in DRIVERS if classic or name != "netCDF"]
 

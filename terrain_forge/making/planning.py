@@ -72,6 +72,8 @@ class Draft:
     """Those that list rocks."""
     routes: tuple[Route, ...]
     """The routes that are known before the ground."""
+    fetched: RasterDtm | None = None
+    """The terrain model that it names by product, place or address, as a file."""
 
     @property
     def is_whole(self) -> bool:
@@ -127,6 +129,19 @@ def draft(recipe: Recipe | RecipeFile | Path | str, *, folder: Path | str = ".")
     )
 
 
+def with_fetched(draft: Draft, *, progress: Progress = silent) -> Draft:
+    """The draft with its terrain model at hand: fetched where it is not in the cache.
+
+    Raises:
+        DataError: if it cannot be.
+    """
+    dtm = draft.recipe.dtm
+    if draft.fetched or not isinstance(dtm, RasterDtm) or dtm.source is not None:
+        return draft
+    with reading(dtm.name, key=("dtm",)):
+        return replace(draft, fetched=at_hand(dtm, body=draft.body, progress=progress))
+
+
 @checked
 def plan(
     recipe: Recipe | RecipeFile | Path | str,
@@ -169,14 +184,13 @@ def plan_draft(
     Raises:
         RecipeError, DataError: as `plan`.
     """
+    draft = with_fetched(draft, progress=progress)
     recipe, folder, body, inputs = draft.recipe, draft.folder, draft.body, draft.inputs
-    with reading(getattr(recipe.dtm, "name", recipe.dtm.kind), key=("dtm",)):
-        here, fetched = recipe.dtm, {}
-        if isinstance(here, RasterDtm) and here.source is None:
-            name, here = here.name, at_hand(here, body=body, progress=progress)
-            fetched[name] = Path(here.name)
+    name = getattr(recipe.dtm, "name", recipe.dtm.kind)
+    fetched = {name: Path(draft.fetched.name)} if draft.fetched else {}
+    with reading(name, key=("dtm",)):
         ground = survey(
-            here,
+            draft.fetched or recipe.dtm,
             body=body,
             folder=folder,
             heights=heights,

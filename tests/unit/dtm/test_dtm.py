@@ -273,6 +273,19 @@ def test_dtm_that_cannot_serve(tmp_path, change, message):
         look(spec, tmp_path)
 
 
+@pytest.mark.parametrize("save", [np.save, np.savez])
+def test_an_array_beside_a_header_is_not_its_data(tmp_path, save):
+    """Its own header would be read as heights."""
+    array = tmp_path / ("a.npy" if save is np.save else "a.npz")
+    save(array, np.zeros((60, 60), np.float32))
+    lines = "samples = 60", "lines = 60", "bands = 1", "data type = 4", "interleave = bsq"
+    (tmp_path / "a.hdr").write_text("\n".join(["ENVI", *lines, "byte order = 0", ""]))
+    with pytest.raises(DataError, match=r"\(an array: save it as a GeoTIFF"):
+        look(replace(SPEC, source=array.name), tmp_path)
+    with pytest.raises(DataError, match=r"\(a header alone"):
+        look(replace(SPEC, source="a.hdr"), tmp_path)
+
+
 def test_nodata_everywhere_or_another_body(tmp_path):
     write_raster(tmp_path / "dtm.tif", change=lambda h: np.full_like(h, -9999.0))
     with pytest.raises(DataError, match="no valid height"):

@@ -158,6 +158,19 @@ def test_fetch_by_name_and_by_recipe(web, tmp_path, monkeypatch):
     assert run("check", tmp_path / "gale.yaml").returncode == 0
 
 
+@pytest.mark.parametrize("command", ["build", "preview"])
+def test_what_cannot_be_fetched_is_told_before_kernels_are_compiled(
+    web, tmp_path, monkeypatch, command
+):
+    (tmp_path / "gale.yaml").write_text(RECIPE)
+    monkeypatch.setenv("TERRAIN_FORGE_OFFLINE", "1")
+    for place in ("terrain_forge.base.compile_ahead", "terrain_forge.pipeline.compile_ahead"):
+        monkeypatch.setattr(place, lambda progress: pytest.fail("kernels were compiled"))
+    told = run(command, tmp_path / "gale.yaml", "-o", tmp_path / "out.png")
+    assert told.returncode == 2
+    assert f"terrain-forge fetch {GALE.product}" in told.stderr
+
+
 def test_a_broken_transfer_goes_on(web):
     file = File(data=DTM, breaks_after=100_000)
     web.put(PATH, file)
