@@ -22,6 +22,8 @@ from terrain_forge.rovers.bounds import FileError
 from terrain_forge.rovers.packages import Packages
 
 _GREY = (0.6, 0.6, 0.6)
+_THINNEST = 1e-5
+"""Smallest thickness of what is touched [m]; exports round its corners to 1e-6."""
 Part = tuple[Array, NDArray[np.int32], tuple[float, ...]]
 """Vertices, faces and colour."""
 
@@ -112,15 +114,15 @@ def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
     """The convex hull of points, shape [n, 3].
 
     Raises:
-        DataError: if they enclose no volume.
+        DataError: if they lie in a plane, or nearly.
     """
     import trimesh
-    from scipy.spatial import QhullError
 
-    try:
-        hull = trimesh.convex.convex_hull(vertices)
-    except QhullError:
-        raise FileError(f"{name}: a mesh that is flat cannot be collided with") from None
+    spread = vertices - vertices.mean(axis=0)
+    _, axes = portable.eigh(portable.product(spread.T, spread))
+    if float(np.ptp(portable.product(spread, axes[:, 0]))) < _THINNEST:
+        raise FileError(f"{name}: a mesh that is flat cannot be collided with")
+    hull = trimesh.convex.convex_hull(vertices)
     return np.array(hull.vertices, np.float64), np.array(hull.faces, np.int32)
 
 

@@ -268,6 +268,13 @@ ATTACKS = {
         mesh("x.obj"), "urdf", "vertices that are no numbers",
         {"x.obj": OBJ + b"v nan 0 0\nv 2 0 0\nf 2 5 6\n"}),
     "mesh of no size": (mesh('x.obj" scale="1 0 1'), "urdf", "scale 1 0 1, at least", {"x.obj": OBJ}),
+    "mesh without thickness": (
+        mesh("x.obj"), "urdf", "x.obj: a mesh that is flat", {"x.obj": OBJ.replace(b"0 0 1", b"1 1 0")}),
+    "mesh of almost no thickness": (
+        mesh("x.obj"), "urdf", "x.obj: a mesh that is flat", {"x.obj": OBJ.replace(b"0 0 1", b"1 1 5e-6")}),
+    "leaning mesh without thickness": (
+        mesh("x.obj"), "urdf", "x.obj: a mesh that is flat",
+        {"x.obj": b"v 0 0 0\nv 1 0 1\nv 0 1 1\nv 1 1 2\nf 1 2 3\nf 2 4 3\n"}),
     "mesh that is far": (
         mesh("x.obj"), "urdf", "beyond", {"x.obj": OBJ.replace(b"v 1", b"v 1e300")}),
     "mesh of two dimensions": (
