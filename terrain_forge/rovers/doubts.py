@@ -1,4 +1,4 @@
-"""What of a rover that was read can hardly be meant: sizes of another unit, wheels in the air."""
+"""What of a rover that was read can hardly be meant: other units, wheels in the air, no rest."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _HANGING = 0.2
 gives, by less."""
 _MOST_WHEELS = 40
 """Wheels that nothing moves against each other, up to which they are looked at."""
+_TURN = 1e-3
+"""Angle that is none [rad]."""
 _ROUNDING = 1e-9
 """Height that is none [m], and the area of a triangle that has none [m²]."""
 
@@ -61,6 +63,30 @@ def doubt_stance(rover: Rover) -> str:
     return (
         f"not all driven wheels touch level ground, and nothing moves them against each other: "
         f"where the rover stands on others, {', '.join(found)} above it"
+    )
+
+
+def doubt_rest(rover: Rover) -> str:
+    """A sentence where joints cannot have the angle 0, at which the rover is put down; else empty.
+
+    Limits leave it out, or a gear asks for another: simulations begin with a jump.
+    """
+    passive = [link for link in rover.links if link.joint == "passive" and link.limits]
+    found = [
+        f"{link.name} turns from {link.limits[0]:.3g} to {link.limits[1]:.3g} rad"
+        for link in passive
+        if link.limits and not link.limits[0] - _TURN <= 0.0 <= link.limits[1] + _TURN
+    ]
+    found += [
+        f"{gear.link} is {gear.offset:.3g} rad ahead of {gear.leader} by its gear"
+        for gear in rover.couplings
+        if abs(gear.offset) > _TURN
+    ]
+    if not found:
+        return ""
+    return (
+        f"the rover is put down with all joints at 0, where some cannot be: {', '.join(found)}; it "
+        "will jump and stand otherwise than its paths say"
     )
 
 

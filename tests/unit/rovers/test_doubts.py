@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from terrain_forge.rovers import built_in_rovers, doubt_stance, doubt_unit, find_rover
+from terrain_forge.rovers import built_in_rovers, doubt_rest, doubt_stance, doubt_unit, find_rover
 from tests.helpers import rovers
 
 _WHEEL = (
@@ -12,10 +12,10 @@ _WHEEL = (
     '<geom type="cylinder" size="{4} .04" zaxis="0 1 0" mass="1"/></body>'
 )
 _CORNERS = {"fl": (0.3, 0.25), "fr": (0.3, -0.25), "rl": (-0.3, 0.25), "rr": (-0.3, -0.25)}
-_ROCKER = '<body name="rocker"><joint name="rock" axis="0 1 0"/><geom size=".05"/>'
+_ROCKER = '<body name="rocker{0}"><joint name="rock{0}" axis="0 1 0" {1}/><geom size=".05"/>'
 
 
-def read(folder, *, lower, radius=0.15, rocker=False):
+def read(folder, *, lower, radius=0.15, rocker=False, limits="", gear=""):
     """A rover of four wheels or six, some of them lower [m]; the left ones on a rocker or not."""
     places = _CORNERS | ({"ml": (0, 0.25), "mr": (0, -0.25)} if "ml" in lower else {})
     told = {
@@ -24,11 +24,16 @@ def read(folder, *, lower, radius=0.15, rocker=False):
     }
     left, right = ("".join(told[n] for n in told if n.endswith(side)) for side in "lr")
     if rocker:
-        left = f"{_ROCKER}{left}</body>"
+        left = f"{_ROCKER.format('', limits)}{left}</body>"
+    if gear:
+        right = f"{_ROCKER.format('_r', '')}{right}</body>"
+        gear = (
+            f'<equality><joint joint1="rock" joint2="rock_r" polycoef="{gear} 0 0 0"/></equality>'
+        )
     file = folder / "cart.xml"
     file.write_text(
         '<mujoco><worldbody><body name="hull"><freejoint/><geom type="box" size=".3 .2 .08" '
-        f'mass="9"/>{left}{right}</body></worldbody></mujoco>'
+        f'mass="9"/>{left}{right}</body></worldbody>{gear}</mujoco>'
     )
     return rovers.read(file)
 
@@ -60,4 +65,23 @@ def test_a_wheel_of_meters_is_none_of_metres(tmp_path):
 @pytest.mark.parametrize("name", built_in_rovers())
 def test_our_own_are_beyond_doubt(name):
     rover = find_rover(name)
-    assert doubt_unit(rover) == doubt_stance(rover) == ""
+    assert doubt_unit(rover) == doubt_stance(rover) == doubt_rest(rover) == ""
+
+
+@pytest.mark.parametrize(
+    ("limits", "gear", "told"),
+    [
+        ("", "", ""),
+        ('range="-30 30"', "0 -1", ""),
+        ('range="0 30"', "", ""),
+        ('range="5.73 30"', "", "rocker turns from 0.1 to 0.524 rad"),
+        ('range="-30 -5.73"', "", "rocker turns from -0.524 to -0.1 rad"),
+        ("", "0.15 -1", "rocker is 0.15 rad ahead of rocker_r by its gear"),
+    ],
+)
+def test_joints_that_cannot_have_the_pose_in_which_the_rover_is_put_down(
+    tmp_path, limits, gear, told
+):
+    rover = read(tmp_path, lower={}, rocker=True, limits=limits, gear=gear)
+    found = doubt_rest(rover)
+    assert (told in found) if told else not found
