@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from terrain_forge.base import Array, placed, portable, rpy_from_matrix
@@ -15,6 +17,10 @@ _ROUNDING = 1e-12
 """What rounding may leave of an inertia about the origin that is taken away again."""
 _THINNEST = 1e-9
 """Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
+
+
+_TAKEN = re.compile(r"world|path|rock_\d+|base_link_free|__.*__|.*::.*")
+"""Names that engines and the exported scenes have for themselves."""
 
 
 def _steiner(arm: Array) -> Array:
@@ -44,11 +50,26 @@ def make_links(
             link = link.replace(parent=called(parent), origin=places[name] - places[parent])
         links.append(link)
         notes += said
+    _require_names([link.name for link in links])
     frames = {
         body.name: (called(group[body.name]), _frame(body, places[group[body.name]]))
         for body in bodies
     }
     return links, frames, notes
+
+
+def _require_names(names: list[str]) -> None:
+    """Refuse names of links by which exports would call two things.
+
+    In SDF links and joints share their names, and the joint of a link X is called X_joint.
+    """
+    for name in names:
+        joint_of = name.removesuffix("_joint")
+        twice = names.count(name) > 1 or (joint_of != name and joint_of in names)
+        if twice or _TAKEN.fullmatch(name):
+            raise FileError(
+                f"link {name!r} moves, and exports call something else so: give it another name"
+            )
 
 
 def _frame(body: Body, origin: Array) -> Array:

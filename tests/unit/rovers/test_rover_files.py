@@ -326,6 +326,16 @@ def test_a_file_that_a_model_names_and_is_not_there(tmp_path, head, file, tag):
     assert "\n" not in said
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["world", "path", "rock_12", "base_link_free", "__wheel__", "left::wheel", "WHEEL_joint"],
+)
+def test_names_that_exports_need_are_refused_where_something_moves(tub, tmp_path, name):
+    changes = [('"left_rocker"', f'"{name}"'), ('"right_rocker"', '"WHEEL"')]
+    with pytest.raises(DataError, match="moves, and exports call something else so"):
+        changed(tub, tmp_path, *changes)
+
+
 def test_a_suspension_that_cannot_move_is_held(tub, tmp_path):
     rover = changed(tub, tmp_path, ('lower="-0.5" upper="0.4"', 'lower="0" upper="0"'))
     assert {link.joint for link in rover.links} == {"free", "motor"}
