@@ -13,7 +13,7 @@ from terrain_forge.base import Array, DataError, placed, portable
 from terrain_forge.model import RESTING, Coupling, Rover, Wheel
 from terrain_forge.rovers.assembly import TURNING, Assembly, Body
 from terrain_forge.rovers.custom import FileRover, Frame
-from terrain_forge.rovers.links import make_links
+from terrain_forge.rovers.links import called, make_links
 from terrain_forge.rovers.tread import Tread, measure_tread, outline
 
 _UPRIGHT = 0.7
@@ -70,7 +70,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> tuple[Rover, dict[str, Fr
         name=assembly.name,
         links=tuple(links),
         wheels=tuple(
-            Wheel(link=name, centre=tread.centre, radius=tread.radius, width=tread.width)
+            Wheel(link=called(name), centre=tread.centre, radius=tread.radius, width=tread.width)
             for name, tread in treads.items()
         ),
         sensors=(),
@@ -253,7 +253,7 @@ class _Machine:
         for gear in self.gears:
             pair = (self.of_joint.get(gear.link, ""), self.of_joint.get(gear.leader, ""))
             if all(name in passive for name in pair):
-                found.append(gear.replace(link=pair[0], leader=pair[1]))
+                found.append(gear.replace(link=called(pair[0]), leader=called(pair[1])))
             elif gear in self.told_gears:
                 wrong = gear.link if pair[0] not in passive else gear.leader
                 raise DataError(

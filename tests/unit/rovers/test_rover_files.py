@@ -97,6 +97,16 @@ def test_limits_damping_and_the_differential_are_kept(tub):
     assert (gear.link, gear.leader, gear.ratio) == ("right_rocker", "left_rocker", -1.0)
 
 
+def test_a_moving_link_called_base_link_keeps_gear_and_motor(tub, tmp_path):
+    free = ('"base_link"', '"hull"')
+    rover = changed(tub, tmp_path, free, ('"left_rocker"', '"base_link"'), base="hull")
+    (gear,) = rover.couplings
+    assert gear.leader == "base_link_moving"
+    rover = changed(tub, tmp_path, free, ('"left_front_wheel"', '"base_link"'), base="hull")
+    assert {wheel.link for wheel in rover.wheels} <= {link.name for link in rover.links}
+    assert rover.wheels[0].link == "base_link_moving"
+
+
 @pytest.mark.parametrize("kind", ["tub", "buggy"])
 def test_masses_and_inertia_are_those_that_mujoco_reads_in_the_file(kind, request, tmp_path):
     file = request.getfixturevalue(kind)
