@@ -48,8 +48,9 @@ _GROUND, _OTHERS = 0, 5
 def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
     """An MJCF export as MuJoCo compiles it, all of it, with balls that come to rest in it.
 
-    For a quick sample only its rocks are compiled: all of them would take longer than a build.
-    Where each rock has meshes of its own, some are compiled after the others, to be seen to load.
+    All of it is scene.xml, with rover and paths, where there is one. For a quick sample only its
+    rocks are compiled: all of them would take longer than a build. Where each rock has meshes of
+    its own, some are compiled after the others, to be seen to load.
 
     Raises:
         SimulationError: if MuJoCo cannot load it.
@@ -57,18 +58,18 @@ def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Read
     import mujoco
 
     del options, scratch
+    scene, world = folder / "scene.xml", folder / "world.xml"
+    whole = scene if scene.is_file() else world
     batches = [] if sample.quick else _batches(folder)
     bodies: dict[int, Body] = {}
     try:
         for rocks in batches:
             bodies |= _bodies(*_at_start(_load_sampled(rocks, folder)))
         model, data = _at_start(
-            _load_sampled(sample.rocks, folder)
-            if sample.quick or batches
-            else load_model(folder / "world.xml")
+            _load_sampled(sample.rocks, folder) if sample.quick or batches else load_model(whole)
         )
     except ValueError as error:
-        raise SimulationError(f"MuJoCo cannot load world.xml: {error}") from None
+        raise SimulationError(f"MuJoCo cannot load {whole.name}: {error}") from None
     touched = (model.geom_contype | model.geom_conaffinity) != 0
     read = partial(
         Reading,

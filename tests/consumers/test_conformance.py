@@ -184,6 +184,15 @@ def test_an_export_that_cannot_be_read_fails(mixed, tmp_path):
     assert not entry.check.passed
 
 
+def test_a_rover_that_mujoco_cannot_load_fails(mixed, tmp_path):
+    scene = exported(mixed, MUJOCO, tmp_path, {}) / "scene.xml"
+    twice = '<worldbody><body name="path"/></worldbody></mujoco>'
+    scene.write_text(scene.read_text().replace("</mujoco>", twice))
+    (entry,) = entries(mixed, MUJOCO, tmp_path).values()
+    assert entry.status == "fail"
+    assert "MuJoCo cannot load scene.xml: " in entry.note
+
+
 def test_paths_are_read_back_at_every_sample(mixed, tmp_path):
     """CSV by its quaternions and its angles, TUM, and the track of MuJoCo's mocap body."""
     write_trajectories(mixed.trajectories, tmp_path / "paths")
