@@ -196,6 +196,12 @@ class _Machine:
     def find_passive(self, wheels: set[str], free_wheels: set[str]) -> set[str]:
         """Bodies whose joints turn freely: suspensions, swivels, wheels without a motor."""
         told, held = self._told("passive"), self._told("held")
+        for name in sorted(told):
+            if (limits := self.bodies[name].joint.limits) and not limits[0] < limits[1]:
+                raise DataError(
+                    f"{name!r} cannot turn: its limits are {limits[0]:g} to {limits[1]:g} rad",
+                    key=("rover", "passive"),
+                )
         geared = {self.of_joint.get(name) for g in self.gears for name in (g.link, g.leader)}
         above = {name for wheel in wheels | free_wheels for name in self._ancestors(wheel)}
         near = above | geared

@@ -350,6 +350,10 @@ def test_a_suspension_that_cannot_move_is_held(tub, tmp_path):
     rover = changed(tub, tmp_path, ('lower="-0.5" upper="0.4"', 'lower="0" upper="0"'))
     assert {link.joint for link in rover.links} == {"free", "motor"}
     assert "left_rocker_joint, right_rocker_joint" in rover.notes[0]
+    for limits in ('lower="0" upper="0"', 'lower="0.5" upper="-0.5"'):  # MuJoCo: none; a fault
+        change = 'lower="-0.5" upper="0.4"', limits
+        with pytest.raises(DataError, match="'left_rocker' cannot turn: its limits are"):
+            changed(tub, tmp_path, change, passive=("left_rocker_joint",))
 
 
 def test_an_inertia_that_no_body_has_is_evened_out_and_told(tub, tmp_path):
