@@ -35,7 +35,7 @@ from terrain_forge.writers import (
     write_xml,
 )
 
-from ..sdf.model import world_name
+from ..sdf.model import usable_name
 from ..sdf.rocks import is_single
 from .options import ADVICE, WORTH_SAYING, Load, Options, require_parsable
 from .rocks import (
@@ -78,7 +78,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     write_mtl(folder / MATERIALS, [*looks, *write_materials(world, single, folder)])
     ground = element("model", element("static", "true"), *links, name="ground")
     name = file_name(world.site.name)
-    body = element("world", ground, *rocks, name=world_name(name), **_NAMESPACE)
+    body = element("world", ground, *rocks, name=usable_name(name), **_NAMESPACE)
     write_xml(directory / "world.sdf", element("sdf", body, version=_SDF_VERSION))
     package = leaves(name=name, version="0.0.0", description="A world of terrain-forge")
     write_xml(directory / "package.xml", element("package", *package, format="2"))

@@ -8,6 +8,7 @@ from shlex import quote
 from terrain_forge.exporters.mjcf.rover import rates_lost, write_rover
 from terrain_forge.exporters.mjcf.rover import rig_losses as mjcf_losses
 from terrain_forge.exporters.rover import control, sdf, urdf
+from terrain_forge.exporters.sdf.model import usable_name
 from terrain_forge.exporters.sdf.sensors import rig_losses as sdf_losses
 
 from terrain_forge.base import ExportError
@@ -27,7 +28,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
     rover = world.rover
     if not rover.links:
         raise ExportError("the world has no rover to export")
-    name = identifier(rover.name)
+    name = usable_name(identifier(rover.name))
     gravity = world.site.body.gravity
     if "urdf" in options.formats:
         urdf.write_urdf(directory / f"{name}.urdf", rover, name=name, options=options)

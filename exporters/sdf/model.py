@@ -128,8 +128,8 @@ def write_config(folder: Path, file: str, version: str, *, name: str, descriptio
     write_xml(folder / "model.config", config)
 
 
-def world_name(name: str) -> str:
-    """The name of a `<world>`: SDF keeps `world` for itself."""
+def usable_name(name: str) -> str:
+    """The name of a world or a model: SDF keeps `world` for itself."""
     return "the_world" if name == "world" else name
 
 

@@ -10,7 +10,7 @@ from terrain_forge.geometry import light_levels
 from terrain_forge.model import Site, World
 from terrain_forge.writers import Lines, element, file_name, leaves, write_xml
 
-from .model import Model, world_name
+from .model import Model, usable_name
 
 STEP = 0.002
 """Time step of the physics [s]."""
@@ -52,7 +52,7 @@ def write_world(
         *_lights(world, sun=sun),
         *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
-        name=world_name(name),
+        name=usable_name(name),
     )
     write_xml(path, element("sdf", body, version=version))
 

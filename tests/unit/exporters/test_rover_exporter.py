@@ -372,6 +372,11 @@ def test_only_the_chosen_formats_are_written(tmp_path):
     assert {path.name for path in folder.iterdir()} == {"skid4.urdf", "skid4_controllers.yaml"}
 
 
+def test_no_model_has_the_name_that_sdf_keeps_for_itself(tmp_path):
+    folder, _ = exported(skid4().replace(name="world"), tmp_path / "one", formats=("sdf",))
+    assert ET.parse(folder / "the_world.sdf").find("model").get("name") == "the_world"
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

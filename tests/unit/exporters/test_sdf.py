@@ -136,6 +136,13 @@ def test_any_name_will_do(small_world, tmp_path, name):
     assert all(file_of(directory, uri.text).is_dir() for uri in scene.iter("uri"))
 
 
+@pytest.mark.parametrize("name", ["world", "by-hand_ground", "by-hand_horizon"])
+def test_no_actor_is_called_as_something_else(small_world, tmp_path, name):
+    path = small_world.trajectories[0].replace(name=name)
+    with pytest.raises(ExportError, match=f"path '{name}': a model of the scene is called so"):
+        exported(small_world.replace(trajectories=(path,)), tmp_path / "sdf")
+
+
 def test_single_rocks_show_their_populations_texture(small_world, sdf):
     """Through the OBJ's own texture coordinates, each corner's."""
     rocks = models(sdf)["by-hand_rocks"]
