@@ -302,7 +302,7 @@ def _get(url: str, name: str, headers: dict[str, str]) -> Iterator[Any]:
         try:
             response = session.get(url, headers=own, stream=True, timeout=TIMEOUT)
         except requests.RequestException as error:
-            if isinstance(error, requests.ConnectionError):
+            if isinstance(error, requests.ConnectionError) and not _has_answered(error):
                 raise DataError(
                     f"{name} cannot be had: {host} is not reached ({_reason(error)}). Offline, "
                     f"fetch it on another machine and copy that one's cache to {cache_folder()}",
@@ -322,6 +322,13 @@ def _get(url: str, name: str, headers: dict[str, str]) -> Iterator[Any]:
 def _tag(headers: Any) -> str:
     tag = str(headers.get("ETag", ""))
     return str(headers.get("Last-Modified", "")) if not tag or tag.startswith("W/") else tag
+
+
+def _has_answered(error: Exception) -> bool:
+    """Whether somebody is there, who says what is no HTTP or hangs up."""
+    from urllib3.exceptions import ProtocolError
+
+    return bool(error.args) and isinstance(error.args[0], ProtocolError)
 
 
 def _reason(error: Exception) -> str:

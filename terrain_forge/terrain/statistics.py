@@ -19,6 +19,7 @@ from terrain_forge.dtm import (
     site_warnings,
 )
 from terrain_forge.model import Heightfield, Roughness, Site
+from terrain_forge.terrain.layers.fractal import detail_law
 
 _PER_DEGREE = 100
 _MOST = 2048
@@ -86,8 +87,10 @@ class TerrainStatistics:
     """The ground as built."""
     dtm: Curves | None
     """The DTM's samples over the site and its context; None for a flat site."""
-    roughness: Roughness
-    """Of the detail, and the exponent as fitted to the DTM's increments at the joint."""
+    detail: Roughness | None
+    """The law of the detail; None where no layer makes any."""
+    fitted: tuple[float, float] | None
+    """Exponent as fitted to the DTM's increments at the joint, and its standard error."""
     spectral: tuple[float, float] | None
     """Exponent of the DTM's spectrum over 1/32 to 1/5 of a cycle per posting, and its standard
     error; None without a DTM or with too few samples."""
@@ -103,11 +106,11 @@ class TerrainStatistics:
     def as_json(self) -> dict[str, Any]:
         """Plain values for a report."""
         return {
-            "hurst": self.roughness.hurst,
-            "hurst_rise_per_octave": self.roughness.rise,
-            "deviation_1m_m": self.roughness.deviation,
-            "source": self.roughness.source,
-            "exponent_at_the_joint": _with_error(self.roughness.exponent),
+            "hurst": self.detail and self.detail.hurst,
+            "hurst_rise_per_octave": self.detail and self.detail.rise,
+            "deviation_1m_m": self.detail and self.detail.deviation,
+            "source": self.detail and self.detail.source,
+            "exponent_at_the_joint": _with_error(self.fitted),
             "exponent_of_the_spectrum": _with_error(self.spectral),
             "worst_pixel_mean_m": self.worst_mean,
             "ground": _curves_json(self.ground),
@@ -143,7 +146,8 @@ def terrain_statistics(*, site: Site, ground: Heightfield) -> TerrainStatistics:
     return TerrainStatistics(
         ground=_curves(ground.elevation[middle].astype(np.float64), ground.spacing),
         dtm=dtm,
-        roughness=site.roughness,
+        detail=detail_law(site),
+        fitted=site.roughness.exponent,
         spectral=spectral,
         worst_mean=worst_mean(site, ground),
         dtm_state=state,

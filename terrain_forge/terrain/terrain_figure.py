@@ -26,7 +26,7 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     FigureCanvasAgg(figure)
     structure, spectrum, slopes = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.06, right=0.99, bottom=0.135, top=0.9, wspace=0.24)
-    ground, dtm, detail = statistics.ground, statistics.dtm, statistics.roughness
+    ground, dtm = statistics.ground, statistics.dtm
     curved = [(ground, _GROUND, f"ground, {ground.spacing:g} m")]
     if dtm is not None:
         curved.insert(0, (dtm, _DTM, f"DTM, {dtm.spacing:.3g} m"))
@@ -41,11 +41,12 @@ def write_terrain_figure(statistics: TerrainStatistics, path: Path) -> None:
     # All but a thousandth of the ground.
     steepest = np.searchsorted(np.cumsum(ground.slope_shares), 0.999) + 2.0
     slopes.set_xlim(0.0, float(min(max(steepest, 10.0), 90.0)))
-    law = np.array([detail.deviation_over(length) for length in ground.baseline.tolist()])
-    label = f"ν = {detail.deviation:.2g} m · (L / 1 m)^{detail.hurst:.2f}"
-    if detail.rise:
-        label = f"ν(1 m) = {detail.deviation:.2g} m, H from {detail.hurst:.2f}"
-    _draw(structure, ground.baseline, law, color=_LINE, lw=4.0, zorder=0, label=label)
+    if (detail := statistics.detail) is not None:
+        law = np.array([detail.deviation_over(length) for length in ground.baseline.tolist()])
+        label = f"ν = {detail.deviation:.2g} m · (L / 1 m)^{detail.hurst:.2f}"
+        if detail.rise:
+            label = f"ν(1 m) = {detail.deviation:.2g} m, H from {detail.hurst:.2f}"
+        _draw(structure, ground.baseline, law, color=_LINE, lw=4.0, zorder=0, label=label)
     if dtm is not None:  # where it ends: its posting, half a cycle per posting
         structure.axvline(dtm.spacing, color=_INK, lw=0.8, ls=":")
         spectrum.axvline(0.5 / dtm.spacing, color=_INK, lw=0.8, ls=":")

@@ -82,10 +82,10 @@ def _scales(built: Built) -> list[Block]:
         return []
     ends = "where the DTM's end, at the dotted line, the ground's go on; "
     joint = ends if terrain.get("dtm_state") else ""
-    caption = (
-        f"Structure function, power spectrum and slopes: {joint}"
-        f"the Hurst exponent of the detail is {terrain['hurst']:.2f} ({terrain['source']})."
-    )
+    law = "no layer makes detail."
+    if terrain["hurst"] is not None:
+        law = f"the Hurst exponent of the detail is {terrain['hurst']:.2f} ({terrain['source']})."
+    caption = f"Structure function, power spectrum and slopes: {joint}{law}"
     description = "Structure function, spectrum and slopes of the ground and of its DTM"
     pictures = [
         plot(path, description=description, caption=caption) for path in built.pictures("terrain")
@@ -117,16 +117,21 @@ def dtm_part(terrain: dict[str, Any]) -> list[Block]:
         ("Scale error", scale),
         ("Exponent at the joint", _with_error(terrain["exponent_at_the_joint"])),
         ("Exponent of the spectrum", _with_error(terrain["exponent_of_the_spectrum"])),
-        ("Exponent of the detail", f"{terrain['hurst']:.2f}{_rising(terrain)}"),
-        ("Detail, where proven", _PROVEN),
+        *_detail(terrain),
         ("Means over pixels", "–" if worst is None else f"{1000.0 * worst:.2g} mm off at most"),
     ]
     return [heading("The terrain model"), *warnings, facts(listed)]
 
 
-def _rising(terrain: dict[str, Any]) -> str:
+def _detail(terrain: dict[str, Any]) -> list[tuple[str, Shown]]:
+    if terrain["hurst"] is None:
+        return [("Exponent of the detail", "none is made")]
     rise = terrain.get("hurst_rise_per_octave", 0.0)
-    return f", rising by {rise:.2f} an octave to 0.95" if rise else ""
+    rising = f", rising by {rise:.2f} an octave to 0.95" if rise else ""
+    return [
+        ("Exponent of the detail", f"{terrain['hurst']:.2f}{rising}"),
+        ("Detail, where proven", _PROVEN),
+    ]
 
 
 def _with_error(found: dict[str, float] | None) -> str:

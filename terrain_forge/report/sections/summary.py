@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class Summary(Section):
             ),
             ("Level plane", _plane(site.slope)),
             ("Ground", f"{columns} × {rows} nodes, {site.spacing:g} m apart"),
-            ("Roughness", f"H {site.roughness.hurst:.2f}, {site.roughness.deviation:.3g} m at 1 m"),
+            *_roughness(built.validation.get("terrain")),
             ("Beyond the border", world.horizon.told if world.horizon else "nothing"),
             ("Rock shapes", f"{len(world.library.prototypes)}, seed {world.library.seed}"),
             ("Rover", world.rover.name),
@@ -58,6 +58,12 @@ class Summary(Section):
         recipe = json.dumps(built.recipe, indent=1, ensure_ascii=False)
         summary = "The whole recipe, with its defaults"
         return [facts(listed), Block(kind="folded", summary=summary, text=recipe)]
+
+
+def _roughness(terrain: dict[str, Any] | None) -> Iterator[tuple[str, str]]:
+    """The law of the detail, where the report of the ground tells it."""
+    if terrain and terrain["hurst"] is not None:
+        yield "Roughness", f"H {terrain['hurst']:.2f}, {terrain['deviation_1m_m']:.3g} m at 1 m"
 
 
 def _terrain_model(dtm: dict[str, Any]) -> str:

@@ -290,6 +290,15 @@ def _grains(site: Site, hurst: float, posts: Posts) -> tuple[Grain, ...]:
     return tuple(found)
 
 
+def detail_law(site: Site) -> Roughness | None:
+    """The law of the detail that a site's first fractal layer makes; None without one."""
+    layers = (layer for layer in site.recipe.terrain.layers if isinstance(layer, Fractal))
+    if (layer := next(layers, None)) is None:
+        return None
+    law = layer.figures(site)
+    return law.replace(deviation=layer.gain * law.deviation)
+
+
 def _straight(hurst: float, deviation: float) -> Roughness:
     return Roughness(hurst=hurst, deviation=deviation, source="the recipe")
 

@@ -299,3 +299,11 @@ def test_a_server_that_is_not_reached_may_mean_offline(monkeypatch):
     monkeypatch.setattr(requests.Session, "get", unreachable)
     with pytest.raises(DataError, match=r"dem cannot be had: x.org is not reached.*Offline.*copy"):
         download.ask("https://x.org/dem.tif", "dem", wish="dem")
+
+
+def test_a_server_that_hangs_up_is_not_called_out_of_reach(web, monkeypatch):
+    monkeypatch.delenv(download.OFFLINE, raising=False)
+    web.released.set()
+    url = web.put("/dem.tif", File(hangs=True))
+    with pytest.raises(DataError, match=r"^dem cannot be had from 127.0.0.1: .*closed connection"):
+        download.ask(url, "dem", wish="dem")

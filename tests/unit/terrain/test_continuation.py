@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from terrain_forge.dtm.increments import expected_increment, mean_square_increme
 from terrain_forge.dtm.point_posts import are_points
 from terrain_forge.dtm.roughness import HURST_LIMITS, HURST_PRIOR, fit_roughness
 from terrain_forge.model import MARS, MOON, DtmPatch, Roughness, Window
+from terrain_forge.recipe import recipe_json
 from terrain_forge.terrain import (
     Fractal,
     radial_spectrum,
@@ -23,6 +25,7 @@ from terrain_forge.terrain import (
 )
 from terrain_forge.terrain.layers.fractal import PRESETS, RmsSlope
 from terrain_forge.terrain.statistics import spectral_exponent
+from terrain_forge.terrain.terrain_figure import write_terrain_figure
 from tests.helpers import worlds
 from tests.helpers.places import DATA, SAMPLES
 
@@ -67,6 +70,13 @@ def continued(means, *, factor, posting=4.0, margin=8, layer=None, **changes):
     layers = (Fractal() if layer is None else layer,)
     ground = shape_ground(site=site, window=site.window, layers=layers)
     return site, ground.elevation.astype(float) + site.datum_height
+
+
+def layered(site, *layers):
+    """A site whose recipe has these layers."""
+    recipe = site.recipe
+    terrain = replace(recipe.terrain, layers=layers)
+    return site.replace(recipe_json=recipe_json(replace(recipe, terrain=terrain)))
 
 
 @pytest.mark.parametrize("hurst", [0.55, 0.9])
@@ -323,6 +333,26 @@ def test_statistics_are_plain_and_compare():
     )
 
 
+@pytest.mark.parametrize(
+    ("layers", "hurst", "deviation"),
+    [
+        ((Fractal(),), 0.6, 0.05),
+        ((Fractal(gain=2.0),), 0.6, 0.1),
+        ((Fractal(hurst=0.9, deviation_1m_m=0.3, gain=0.5),), 0.9, 0.15),
+        ((), None, None),
+    ],
+)
+def test_statistics_tell_the_law_of_what_is_made(tmp_path, layers, hurst, deviation):
+    """Not the one that was fitted to the DTM, which a layer may be told to leave."""
+    site = layered(worlds.site(), *layers)
+    ground = shape_ground(site=site, window=site.window, layers=layers)
+    found = terrain_statistics(site=site, ground=ground)
+    plain = found.as_json()
+    assert plain["hurst"] == hurst
+    assert plain["deviation_1m_m"] == (deviation and pytest.approx(deviation))
+    write_terrain_figure(found, tmp_path / "terrain.png")
+
+
 def test_report_tells_what_the_dtm_needed():
     from terrain_forge.report.page import render
     from terrain_forge.report.sections.ground import dtm_part
@@ -330,7 +360,7 @@ def test_report_tells_what_the_dtm_needed():
     posts = natural_surface(64, 0.7, seed=8)
     site, _ = continued(posts, factor=4)
     repaired = site.dtm.replace(repairs=("12 samples filled",), filled=12, planar_fraction=0.25)
-    site = site.replace(dtm=repaired)
+    site = layered(site.replace(dtm=repaired), Fractal())
     ground = shape_ground(site=site, window=site.window, layers=(Fractal(),))
     found = terrain_statistics(site=site, ground=ground).as_json()
     state = found["dtm_state"]
@@ -338,7 +368,9 @@ def test_report_tells_what_the_dtm_needed():
     shown = render("blocks.html", blocks=dtm_part(found))
     for words in ("64 × 64", "12 samples filled", "25.0 %", "as given", "mm off at most", " ± "):
         assert words in shown
-    assert f"{found['hurst']:.2f}" in shown
+    assert f"{site.roughness.hurst:.2f}" in shown
+    without = terrain_statistics(site=layered(site), ground=ground).as_json()
+    assert "none is made" in render("blocks.html", blocks=dtm_part(without))
     assert dtm_part({}) == []
     flat = worlds.site()
     ground = shape_ground(site=flat, window=flat.window, layers=())
