@@ -26,6 +26,7 @@ from terrain_forge.base import (
     checked,
     compile_ahead,
     read_json,
+    require_scheduler,
     require_unlinked,
     resolved,
     run_tasks,
@@ -136,6 +137,8 @@ def worlds(
     require_untiled(recipe)
     orders = orders_of(recipe, only)
     require_drawable(recipe, folder)
+    if scheduler is not None:
+        require_scheduler(scheduler)
     require_apart(out, input_paths(recipe, folder))
     if out.exists() and not out.is_dir():
         raise OutputError(f"{out} is no folder: choose another name")

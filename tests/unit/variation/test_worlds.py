@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shutil
+import socket
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -92,6 +93,16 @@ def test_a_dask_cluster_makes_the_same_bytes(made: Path, tmp_path: Path) -> None
         assert (done.made, done.failed) == (4, ())
         assert len(cluster.scheduler_info["workers"]) == 2
     assert contents(done.directory) == contents(made)
+
+
+def test_a_scheduler_that_nobody_is_at_leaves_no_folder(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(tf.OutputError, match=address):
+            worlds(recipe(tmp_path), tmp_path / "out", scheduler=address)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("kind", exporter_names())
