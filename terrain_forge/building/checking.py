@@ -30,7 +30,14 @@ from terrain_forge.recipe import (
     tile_cells,
 )
 from terrain_forge.rocks import contact_told
-from terrain_forge.rovers import doubt_rest, doubt_stance, doubt_unit, rover_of, told_radii
+from terrain_forge.rovers import (
+    doubt_gears,
+    doubt_rest,
+    doubt_stance,
+    doubt_unit,
+    rover_of,
+    told_radii,
+)
 
 _WARNING = f"  {'warning':<12}"
 
@@ -183,7 +190,7 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
     for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
         yield f"  {'note':<12} {note}"
     yield from (f"{_WARNING} {text}" for text in rover.unread)
-    doubts = doubt_unit(rover), doubt_stance(rover), doubt_rest(rover)
+    doubts = doubt_unit(rover), doubt_stance(rover), doubt_rest(rover), doubt_gears(rover)
     yield from (f"{_WARNING} {text}" for text in doubts if text)
     if rover.length > min(site.size) or rover.width > min(site.size):
         yield (

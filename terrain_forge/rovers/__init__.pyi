@@ -9,6 +9,7 @@ from .catalogue import resolve_rover as resolve_rover
 from .catalogue import rover_of as rover_of
 from .custom import CouplingSpec as CouplingSpec
 from .custom import FileRover as FileRover
+from .doubts import doubt_gears as doubt_gears
 from .doubts import doubt_rest as doubt_rest
 from .doubts import doubt_stance as doubt_stance
 from .doubts import doubt_unit as doubt_unit

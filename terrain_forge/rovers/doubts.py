@@ -90,6 +90,29 @@ def doubt_rest(rover: Rover) -> str:
     )
 
 
+def doubt_gears(rover: Rover) -> str:
+    """A sentence where gears lead back to a joint by another ratio, which locks it; else empty."""
+    turns: dict[str, tuple[str, float]] = {}  # a joint's angle, as a factor on another's
+
+    def first(name: str) -> tuple[str, float]:
+        factor = 1.0
+        while name in turns:
+            name, ratio = turns[name]
+            factor *= ratio
+        return name, factor
+
+    locked = set()
+    for gear in rover.couplings:
+        (one, own), (other, its) = first(gear.link), first(gear.leader)
+        if one != other and own:
+            turns[one] = other, gear.ratio * its / own
+        elif one == other and abs(own - gear.ratio * its) > _TURN * abs(own):
+            locked |= {gear.link, gear.leader}
+    if not locked:
+        return ""
+    return f"gears that contradict each other lock the joints of {', '.join(sorted(locked))}"
+
+
 def _least_heights(low: Array) -> Array:
     """Heights of points above the plane of three that is below all and nearest to them [m]."""
     if not 4 <= len(low) <= _MOST_WHEELS:

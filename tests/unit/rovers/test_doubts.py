@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from terrain_forge.rovers import built_in_rovers, doubt_rest, doubt_stance, doubt_unit, find_rover
+from terrain_forge.model import Coupling
+from terrain_forge.rovers import (
+    built_in_rovers,
+    doubt_gears,
+    doubt_rest,
+    doubt_stance,
+    doubt_unit,
+    find_rover,
+)
 from tests.helpers import rovers
 
 _WHEEL = (
@@ -66,6 +74,23 @@ def test_a_wheel_of_meters_is_none_of_metres(tmp_path):
 def test_our_own_are_beyond_doubt(name):
     rover = find_rover(name)
     assert doubt_unit(rover) == doubt_stance(rover) == doubt_rest(rover) == ""
+    assert doubt_gears(rover) == ""
+
+
+@pytest.mark.parametrize(
+    ("gears", "told"),
+    [
+        ([("a", "b", -2.0), ("b", "a", -0.5)], ""),
+        ([("a", "b", -2.0), ("b", "a", -2.0)], "of a, b"),
+        ([("a", "b", 2.0), ("c", "b", 3.0), ("c", "a", 1.5)], ""),
+        ([("a", "b", 2.0), ("c", "b", 3.0), ("c", "a", 1.0)], "of a, c"),
+        ([("a", "b", 0.0), ("a", "c", 1.0)], ""),
+    ],
+)
+def test_gears_that_contradict_each_other(gears, told):
+    couplings = tuple(Coupling(link=one, leader=other, ratio=ratio) for one, other, ratio in gears)
+    found = doubt_gears(find_rover("skid4").replace(couplings=couplings))
+    assert (told in found) if told else not found
 
 
 @pytest.mark.parametrize(
