@@ -72,9 +72,10 @@ def read_surroundings(
             break
         level, whole = found
         levels.append(level)
-        middle = levels[0].heights[tuple(n // 2 for n in levels[0].heights.shape)]
-        rise = max(float(some.heights.max()) for some in levels) - float(middle)
-        seen = np.sqrt(2.0 * radius) * (np.sqrt(_EYE) + np.sqrt(max(rise, 0.0)))
+        middle = float(levels[0].heights[tuple(n // 2 for n in levels[0].heights.shape)])
+        rise = max(float(some.heights.max()) for some in levels) - middle
+        above = _EYE + max(middle - level.mean, 0.0)
+        seen = np.sqrt(2.0 * radius) * (np.sqrt(above) + np.sqrt(max(rise, 0.0)))
         if whole or half >= (seen if reach is None else reach + 0.5 * max(size)):
             break
         half *= 2.0

@@ -66,6 +66,12 @@ class FarHeights(Record):
     source: str
     """Name of the raster."""
 
+    @property
+    def mean(self) -> float:
+        """Their mean, as far as they are to be followed [m]."""
+        total = float(self.weight.sum())
+        return float((self.heights * self.weight).sum(dtype=np.float64) / total)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Image(Record):

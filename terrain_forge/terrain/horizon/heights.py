@@ -108,8 +108,11 @@ def _told(site: Site, reach: float, followed: float) -> str:
 
 
 def _reach(site: Site, border: Border) -> float:
-    """How far can be seen from 5 m above the site's relief [m], and hills beyond that."""
-    low, high = border.lowest, border.highest
+    """How far can be seen from 5 m above the site's relief [m], and hills beyond that.
+
+    Where the land around lies lower than the site, it is seen from higher up, and farther.
+    """
+    low, high = min([border.lowest, *_around(site)]), border.highest
     level = np.sqrt(2.0 * site.body.mean_radius * (_EYE + high - low))
     tops = [(float(f.heights.max()) - site.datum_height, f.reach) for f in site.surroundings]
     hills = np.sqrt(2.0 * site.body.mean_radius * max([0.0, *(top - low for top, _ in tops)]))
@@ -214,11 +217,13 @@ def _sides(border: Border) -> tuple[float, float]:
 
 def _level(site: Site, known: Array, weight: Array) -> float:
     """How high the ground is where nothing is known: as the outermost that is [m]."""
-    if not site.surroundings:
-        return float((weight * known).sum() / max(float(weight.sum()), 1e-9))
-    far = site.surroundings[-1]
-    total = float(far.weight.sum())
-    return float((far.heights * far.weight).sum(dtype=np.float64) / total) - site.datum_height
+    alone = float((weight * known).sum() / max(float(weight.sum()), 1e-9))
+    return next(iter(_around(site)), alone)
+
+
+def _around(site: Site) -> list[float]:
+    """How high the outermost heights are that were read [m], if there are any."""
+    return [far.mean - site.datum_height for far in site.surroundings[-1:]]
 
 
 def _plane(site: Site, points: Array) -> Array:

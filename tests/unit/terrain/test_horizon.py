@@ -264,6 +264,19 @@ def test_the_land_reaches_as_far_as_is_wanted():
         assert (west, south) == pytest.approx((-16.0 - reach, -12.0 - reach))
 
 
+def test_a_summit_is_seen_from_as_far_as_it_stands_above_the_land(tmp_path):
+    def mountain(x, y):
+        return 2000.0 * np.exp(-(x * x + y * y) / 3000.0**2)
+
+    raster(tmp_path / "fine.tif", posting=25.0, half=6000.0, land=mountain)
+    raster(tmp_path / "coarse.tif", posting=1000.0, half=200e3, land=mountain)
+    wanted = recipe(FINE, horizon=HorizonSpec(dtm="coarse.tif"))
+    site, _, horizon = made(wanted, tmp_path)
+    true = np.sqrt(2.0 * site.body.mean_radius * 2000.0)
+    assert true < horizon.reach < 2.0 * true
+    assert horizon.followed > 0.75 * true
+
+
 def test_a_horizon_is_not_beyond_the_body():
     at_most = HorizonSpec(reach_m=0.2499 * 3389500.0)
     assert plan(recipe(FlatDtm(size_m=(8.0, 8.0)), at_most)).surroundings == ()
