@@ -25,6 +25,8 @@ _SKY_SHARE = 0.3
 """Part of the daylight that comes from a sky of which no dust is known."""
 SIZE = 512, 256
 """Pixels around and from zenith to nadir of a dusty sky."""
+_EYE = 5.0
+"""How high over the highest ground the sky is looked at [m]."""
 BLACK_SIZE = 1024, 512
 """The same of a black one, in which the Earth is five pixels wide."""
 
@@ -78,8 +80,8 @@ def dome_image(world: World) -> Array | None:
 
     The top row is the zenith, the left edge looks north, the middle south, clockwise between them.
     A dusty sky is as bright in the mean, as level ground takes it, as a sky of the colour of the
-    lighting; below the horizon it is what distant ground sends back. In a black one are the Earth
-    and the stars, 1 for white that faces the Sun. None where there is nothing of either.
+    lighting; below the land's skyline it is what distant ground sends back. In a black one are the
+    Earth and the stars, 1 for white that faces the Sun. None where there is nothing of either.
     """
     if world.lighting.dust is not None:
         return _dusty(world)
@@ -111,8 +113,22 @@ def _dusty(world: World) -> Array:
     lighting, towards = world.lighting, _directions(SIZE)
     day, albedo = world_daylight(world)
     image = day.radiance(towards, lighting.towards_sun)
-    image[towards[:, 0, 2] < 0.0] = albedo * (day.direct + day.diffuse)
+    image[towards[:, 0, 2] < _skyline(world)] = albedo * (day.direct + day.diffuse)
     return np.asarray(image * (np.mean(lighting.sky_rgb) / day.diffuse.mean()))
+
+
+def _skyline(world: World) -> float:
+    """Sine of the elevation above which sky may be seen beyond the land of a world."""
+    land = world.horizon
+    if land is None:
+        return 0.0
+    east, north, up = land.mesh.vertices[: land.ground_vertices].T
+    off = np.hypot(east, north)
+    radius = world.site.body.mean_radius
+    far = (up + off * off / (2.0 * radius))[off >= land.reach]
+    above = float(world.ground.elevation.max()) + _EYE - float(far.min())
+    # A pixel more, since viewers blend them.
+    return float(-np.sqrt(2.0 * max(above, 0.0) / radius) - np.pi / SIZE[1])
 
 
 def _black(lighting: Lighting) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from terrain_forge.geometry import dome_image, dome_level, light_levels
+from terrain_forge.making import make_horizon
 from terrain_forge.model.bodies.mars import MARS
 
 TAUS = (0.05, 0.5, 2.0, 5.0)
@@ -62,3 +63,22 @@ def test_without_a_sky_all_light_is_the_suns(small_world):
     bare = small_world.lighting.replace(dust=None, sky_rgb=(0.0, 0.0, 0.0))
     levels = light_levels(small_world.replace(lighting=bare), "physical")
     assert levels == (bare.irradiance, 0.0, 1.0)
+
+
+def test_the_sky_goes_down_to_the_skyline_of_a_site_above_the_land(small_world):
+    bare = under(small_world, 0.5)
+    land = make_horizon(bare.site, bare.ground, bare.appearance, bare.library)
+    mesh, world = land.mesh, bare.replace(horizon=land)
+    lower = mesh.vertices - (0.0, 0.0, 4000.0)
+    high = world.replace(horizon=land.replace(mesh=replace(mesh, vertices=lower)))
+    pixel = 180.0 / len(dome_image(world))
+
+    def rows_of_sky(world):
+        image = dome_image(world)
+        return int((np.abs(image - image[-1]).max(axis=(1, 2)) > 0.0).sum())
+
+    level = rows_of_sky(bare)
+    dip = np.degrees(np.sqrt(2.0 * 4000.0 / bare.site.body.mean_radius))
+    assert level == 90.0 / pixel
+    assert rows_of_sky(world) == level + 1
+    assert (rows_of_sky(high) - level - 1) * pixel == pytest.approx(dip, abs=pixel)
