@@ -24,6 +24,8 @@ _BLENDER = 1.7
 """How much brighter still Blender wants it, which compresses what is bright."""
 _FAR = 2.5
 """Distance of the sky, over that of the horizon; the lamp for Blender hangs just within."""
+_SIDES = 20.0
+"""Sides of the site that the sky is scaled by, at least: from a near lamp shadows would fan out."""
 _NOWHERE = 1e-3
 """Range of the lamp for Blender [m]."""
 
@@ -45,7 +47,7 @@ def add_lights(world: World, gltf: Gltf, options: Options) -> tuple[list[Any], l
     if not shown or options.sun_lux:
         return lights, nodes
     west, south, east, north = world.ground.bounds
-    reach = max(east - west, north - south)
+    reach = _SIDES * max(east - west, north - south)
     beyond = options.horizon and world.horizon is not None
     if beyond and world.horizon:
         reach = max(reach, world.horizon.reach)

@@ -207,6 +207,19 @@ def test_a_bare_world_without_paths(small_world, tmp_path):
     ]
 
 
+def test_the_lamp_for_blender_lights_a_world_without_a_horizon_evenly(small_world, glb):
+    assert small_world.horizon is None
+    text, _ = glb_parts(glb)
+    lamp = next(node for node in text["nodes"] if node["name"] == "sun_for_blender")
+    west, south, east, north = small_world.ground.bounds
+    corners = np.array([[e, n, 0.0] for e in (west, east) for n in (south, north)])
+    away = np.array(lamp["translation"]) - corners
+    off = np.linalg.norm(away, axis=1)
+    sun = small_world.lighting.towards_sun
+    assert np.degrees(np.arccos(away @ sun / off)).max() < 1.0
+    assert (off.max() / off.min()) ** 2 < 1.06
+
+
 @pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.writing"])
 def test_what_a_glb_cannot_hold(small_world, tmp_path, monkeypatch, module):
     monkeypatch.setattr(import_module(f"terrain_forge.{module}"), "LARGEST_FILE", 100_000)
