@@ -221,16 +221,16 @@ def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
         texture = rock_texture(world, population, tinted=True)
         write_texture(assets / f"rock_{population}.png", texture)
     write_rock_maps(world, assets)
-    write_sky(world, assets)
     if world.appearance.detail:
         write_png(assets / DETAIL, image_rows(world.appearance.detail.normals))
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:
-    """Write world.usda and what lies beyond the site; returns what is lost."""
+    """Write world.usda, its sky and what lies beyond the site; returns what is lost."""
     path, horizon = directory / "world.usda", tiled.world.horizon
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
     define_world(stage, tiled.world, options.lights)
+    write_sky(tiled.world, directory / "assets")
     if shown := options.horizon and horizon is not None:
         write_horizon(horizon, tiled.world.appearance.detail, directory / "assets")
         define_parts(stage, "Horizon", ["horizon"])

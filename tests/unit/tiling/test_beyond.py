@@ -60,6 +60,14 @@ def test_it_begins_at_the_tiles_own_nodes(built):
     assert count > 2 * (200 + 160)
 
 
+def test_the_domes_sky_goes_down_to_it(built):
+    text = (built / "usd/assets/sky.hdr").read_bytes()
+    rows = np.frombuffer(text[-4 * 512 * 256 :], np.uint8).reshape(256, 512, 4)
+    ground = (rows == rows[-1, -1]).all(axis=(1, 2))
+    assert not ground[:129].any()
+    assert ground[131:].all()
+
+
 def test_a_damaged_strip_is_told(built, whole, tmp_path):
     site = tmp_path / "six"
     shutil.copytree(built, site)
