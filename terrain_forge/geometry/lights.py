@@ -125,7 +125,7 @@ def _skyline(world: World) -> float:
     east, north, up = land.mesh.vertices[: land.ground_vertices].T
     off = np.hypot(east, north)
     radius = world.site.body.mean_radius
-    far = (up + off * off / (2.0 * radius))[off >= land.reach]
+    far = (up + off * off / (2.0 * radius))[off >= 0.999 * off.max()]
     above = float(world.ground.elevation.max()) + _EYE - float(far.min())
     # A pixel more, since viewers blend them.
     return float(-np.sqrt(2.0 * max(above, 0.0) / radius) - np.pi / SIZE[1])
