@@ -112,7 +112,7 @@ class Recording:
 
     def recipe_of(self, sensor: RecordedSensor) -> Mapping[str, Any]:
         """What the recipe says of a sensor; nothing where dataset.json does not have it."""
-        told = {one.get("name"): one for one in self.about.get("sensors") or ()}
+        told = {one.get("name"): one for one in self.about.get("sensors", ())}
         pair = re.sub("_(left|right)$", "", sensor.name)
         found: Mapping[str, Any] = told.get(sensor.name) or told.get(pair) or {}
         return found
@@ -295,7 +295,7 @@ def open_recording(folder: Path | str) -> Recording:
         )
     text = read_text(place / INDEX, f"{place / INDEX}", most=_LARGEST_TEXT)
     with reading(INDEX):
-        about = json.loads(text)
+        about = json.loads(text, object_pairs_hook=_stated)
     _check(about)
     return Recording(
         folder=place,
@@ -313,22 +313,34 @@ _KNOWN: dict[str, Any] = {
     "sensors": list, "links": dict, "moving_links": list, "motion": dict, "profile": str
 }  # fmt: skip
 """Kinds of what those of some versions lack."""
+_CHANNEL: dict[str, Any] = {
+    "suffix": str, "bits": int, "values_per_metre": int | float, "instance": dict
+}  # fmt: skip
+"""Kinds of what a stream's channel may have."""
+
+
+def _stated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table of keys without those of null, which says no more than none."""
+    return {key: value for key, value in pairs if value is not None}
+
+
+def _require_kinds(told: Mapping[str, Any], kinds: Mapping[str, Any], where: str) -> None:
+    for key, kind in kinds.items():
+        if key in told and not isinstance(told[key], kind):
+            raise DataError(f"{where}: its {key!r} is not of the kind that it must be")
 
 
 def _check(about: Any) -> None:
     if not isinstance(about, dict) or about.get("version") != VERSION:
         found = about.get("version") if isinstance(about, dict) else type(about).__name__
         raise DataError(f"{INDEX} is of version {found!r}, this terrain-forge reads {VERSION}")
-    given = {key: value for key, value in about.items() if value is not None}
     for key, kind in _NEEDED.items():
-        if not isinstance(given.get(key), kind):
+        if not isinstance(about.get(key), kind):
             raise DataError(f"{INDEX} has no {key!r} of the kind that it must be")
-    for key, kind in _KNOWN.items():
-        if not isinstance(given.get(key, kind()), kind):
-            raise DataError(f"{INDEX}: its {key!r} is not of the kind that it must be")
+    _require_kinds(about, _KNOWN, INDEX)
     if not isinstance(about["world"].get("name"), str):
         raise DataError(f"{INDEX} has no name of the world")
-    if not all(isinstance(one, dict) for one in given.get("sensors", ())):
+    if not all(isinstance(one, dict) for one in about.get("sensors", ())):
         raise DataError(f"{INDEX}: its sensors are no tables of keys")
     if not all(number.isdecimal() for number in about["classes"]):
         raise DataError(f"{INDEX}: its classes are no numbers")
@@ -340,6 +352,8 @@ def _check(about: Any) -> None:
             isinstance(one, dict) for one in channels.values()
         ):
             raise DataError(f"{INDEX}: the channels of stream {number} are no table of keys")
+        for name, one in channels.items():
+            _require_kinds(one, _CHANNEL, f"{INDEX}: channel {name!r} of stream {number}")
     for folder, count in Counter(str(one["folder"]) for one in about["streams"]).items():
         if count > 1:
             raise DataError(f"{INDEX}: the stream {folder!r} is listed {count} times")

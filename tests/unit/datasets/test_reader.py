@@ -12,6 +12,7 @@ from PIL import Image
 
 from terrain_forge.base import DataError
 from terrain_forge.datasets import open_recording
+from terrain_forge.datasets.reader import BASE
 from tests.helpers.recordings import (
     BASELINE,
     EPOCH,
@@ -131,6 +132,20 @@ BROKEN = {
         ),
         "the channels of stream 0 are no table of keys",
     ),
+    "channel": (
+        lambda f: _index(
+            f,
+            streams=[
+                {
+                    "folder": "mav0/imu0",
+                    "name": "a",
+                    "kind": "imu",
+                    "channels": {"data": {"suffix": 3}},
+                }
+            ],
+        ),
+        "channel 'data' of stream 0: its 'suffix' is not of the kind that it must be",
+    ),
     "outside": (
         lambda f: _index(f, streams=[{"folder": "../x", "name": "a", "kind": "imu"}]),
         "lies outside of the dataset",
@@ -222,6 +237,20 @@ def _read_all(folder):
         camera.distortion, camera.image(0), camera.image(1), camera.depth(0), found.truth_of(camera)
     found.lidars[0].sweep(0)
     assert len(found.imus[0].table[0]) == len(found.body_poses)
+
+
+def test_a_key_of_null_says_no_more_than_none(recording, tmp_path):
+    folder = tmp_path / "dataset"
+    shutil.copytree(recording.folder, folder)
+    index = json.loads((folder / "dataset.json").read_text())
+    left_out = dict.fromkeys(("sensors", "links", "moving_links", "motion", "profile"))
+    streams = [one | {"channels": None} for one in index["streams"]]
+    (folder / "dataset.json").write_text(json.dumps(index | left_out | {"streams": streams}))
+    found = open_recording(folder)
+    assert {found.link_of(one.key) for one in found.sensors} == {BASE}
+    assert not found.recipe_of(found.sensors[0])
+    assert left_out.keys().isdisjoint(found.about)
+    assert [*found.sensors[0].channels] == ["data"]
 
 
 @pytest.mark.parametrize("what", BROKEN)
