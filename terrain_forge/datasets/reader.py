@@ -313,10 +313,17 @@ _KNOWN: dict[str, Any] = {
     "sensors": list, "links": dict, "moving_links": list, "motion": dict, "profile": str
 }  # fmt: skip
 """Kinds of what those of some versions lack."""
+_MOTION: dict[str, Any] = {
+    "path": str, "source": str, "duration_s": int | float, "still_s": int | float
+}  # fmt: skip
+_STREAM: dict[str, Any] = {
+    "folder": str, "name": str, "kind": str, "table": bool, "count": int, "first_ns": int,
+    "last_ns": int, "channels": dict,
+}  # fmt: skip
 _CHANNEL: dict[str, Any] = {
     "suffix": str, "bits": int, "values_per_metre": int | float, "instance": dict
 }  # fmt: skip
-"""Kinds of what a stream's channel may have."""
+"""Kinds of what its motion, a stream of it, and a channel of that may have."""
 
 
 def _stated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -338,6 +345,7 @@ def _check(about: Any) -> None:
         if not isinstance(about.get(key), kind):
             raise DataError(f"{INDEX} has no {key!r} of the kind that it must be")
     _require_kinds(about, _KNOWN, INDEX)
+    _require_kinds(about.get("motion", {}), _MOTION, f"{INDEX}: motion")
     if not isinstance(about["world"].get("name"), str):
         raise DataError(f"{INDEX} has no name of the world")
     if not all(isinstance(one, dict) for one in about.get("sensors", ())):
@@ -347,14 +355,13 @@ def _check(about: Any) -> None:
     for number, stream in enumerate(about["streams"]):
         if not isinstance(stream, dict) or not {"folder", "name", "kind"} <= set(stream):
             raise DataError(f"{INDEX}: stream {number} has no folder, name and kind")
-        channels = stream.get("channels") or {}
-        if not isinstance(channels, dict) or not all(
-            isinstance(one, dict) for one in channels.values()
-        ):
-            raise DataError(f"{INDEX}: the channels of stream {number} are no table of keys")
-        for name, one in channels.items():
-            _require_kinds(one, _CHANNEL, f"{INDEX}: channel {name!r} of stream {number}")
-    for folder, count in Counter(str(one["folder"]) for one in about["streams"]).items():
+        where = f"{INDEX}: stream {number}"
+        _require_kinds(stream, _STREAM, where)
+        for name, one in stream.get("channels", {}).items():
+            if not isinstance(one, dict):
+                raise DataError(f"{where}: channel {name!r} is no table of keys")
+            _require_kinds(one, _CHANNEL, f"{where}: channel {name!r}")
+    for folder, count in Counter(one["folder"] for one in about["streams"]).items():
         if count > 1:
             raise DataError(f"{INDEX}: the stream {folder!r} is listed {count} times")
 
@@ -362,7 +369,7 @@ def _check(about: Any) -> None:
 def _sensor(place: Path, stream: Mapping[str, Any]) -> RecordedSensor:
     from ruamel.yaml import YAML
 
-    folder = place / str(stream["folder"])
+    folder = place / stream["folder"]
     if not folder.resolve().is_relative_to(place.resolve()):
         raise DataError(f"{INDEX}: the stream {stream['folder']!r} lies outside of the dataset")
     where = f"{folder.name}/sensor.yaml"
@@ -373,6 +380,6 @@ def _sensor(place: Path, stream: Mapping[str, Any]) -> RecordedSensor:
             raise DataError(f"{where} is no table of keys")
     # Earlier versions recorded no other files than pictures and sweeps.
     other = RecordedSeries if stream.get("table", True) else RecordedSensor
-    kind = _KINDS.get(str(stream["kind"]), other)
+    kind = _KINDS.get(stream["kind"], other)
     channels = stream.get("channels") or {"data": {}}
-    return kind(folder=folder, name=str(stream["name"]), about=about, channels=channels)
+    return kind(folder=folder, name=stream["name"], about=about, channels=channels)

@@ -132,7 +132,7 @@ def _extent(recording: Recording, sensor: RecordedSensor) -> tuple[int, int, int
     """Measurements of a sensor, first and last stamp [ns]: as the index has them, or as found."""
     told = _told(recording, sensor)
     if "count" in told:
-        return int(told["count"]), int(told["first_ns"] or 0), int(told["last_ns"] or 0)
+        return told["count"], told.get("first_ns", 0), told.get("last_ns", 0)
     first, last = sensor.span
     return len(sensor.stamps), first, last
 

@@ -104,6 +104,12 @@ def _index(folder, **changes):
     (folder / "dataset.json").write_text(json.dumps(about | changes))
 
 
+def _stream(folder, **changes):
+    about = json.loads((folder / "dataset.json").read_text())
+    about["streams"][0] |= changes
+    (folder / "dataset.json").write_text(json.dumps(about))
+
+
 def _swap(path, old, new, *, count=1):
     path.write_text(path.read_text().replace(old, new, count))
 
@@ -130,7 +136,7 @@ BROKEN = {
             f,
             streams=[{"folder": "mav0/imu0", "name": "a", "kind": "imu", "channels": {"data": 3}}],
         ),
-        "the channels of stream 0 are no table of keys",
+        "stream 0: channel 'data' is no table of keys",
     ),
     "channel": (
         lambda f: _index(
@@ -144,7 +150,18 @@ BROKEN = {
                 }
             ],
         ),
-        "channel 'data' of stream 0: its 'suffix' is not of the kind that it must be",
+        "stream 0: channel 'data': its 'suffix' is not of the kind that it must be",
+    ),
+    **{
+        f"stream's {key}": (
+            partial(_stream, **{key: odd}),
+            f"stream 0: its {key!r} is not of the kind",
+        )
+        for key, odd in (("count", "3"), ("last_ns", 0.5), ("channels", [1]), ("name", 3))
+    },
+    "motion's duration": (
+        lambda f: _index(f, motion={"duration_s": "x"}),
+        "motion: its 'duration_s' is not of the kind",
     ),
     "outside": (
         lambda f: _index(f, streams=[{"folder": "../x", "name": "a", "kind": "imu"}]),
