@@ -17,8 +17,6 @@ _ROUNDING = 1e-12
 """What rounding may leave of an inertia about the origin that is taken away again."""
 _THINNEST = 1e-9
 """Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
-
-
 _TAKEN = re.compile(r"world|path|rock_\d+|base_link_free|__.*__|.*::.*")
 """Names that engines and the exported scenes have for themselves."""
 
