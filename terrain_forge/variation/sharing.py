@@ -14,7 +14,6 @@ from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.model import SHARED_ARRAYS, write_archive
@@ -65,7 +64,7 @@ class SharedArchive:
         self.known: dict[str, str] = {}
         """SHA-256 of what was linked, by its path in the world's folder."""
         self._pool = pool
-        self._written: dict[str, NDArray[Any]] | None = None
+        self._written: tuple[Path, dict[str, NDArray[Any]]] | None = None
 
     def write(self, path: Path, arrays: dict[str, NDArray[Any]]) -> None:
         """Write or link one of the world's archives."""
@@ -76,18 +75,20 @@ class SharedArchive:
                         os.link(last.file, path)
                         self.known[SHARED_ARRAYS] = last.digest
                         return
-            self._written = arrays
+            self._written = path, arrays
         write_archive(path, arrays)
 
     def keep(self, hashes: Mapping[str, str]) -> None:
         """Have the next world link what this one wrote and shared; its files' SHA-256 are given."""
         if self._written is None:
             return
+        written, arrays = self._written
         digest = hashes[SHARED_ARRAYS]
         file = _place(self._pool, SHARED_ARRAYS, digest)
         _last.clear()
-        if state := _state(file):
-            _last.append(_Kept(self._written, digest, file, state))
+        # What stands there is another's where no link could be made.
+        if (state := _state(file)) and file.samefile(written):
+            _last.append(_Kept(arrays, digest, file, state))
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,11 @@ def _place(pool: Path, name: str, digest: str) -> Path:
 
 
 def _are_alike(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    return one is other or (one.dtype == other.dtype and np.array_equal(one, other))
+    """Whether a file has the same bytes of them; 0 and -0 are equal, and are not alike."""
+    return one is other or (
+        (one.dtype, one.shape, one.flags.fnc) == (other.dtype, other.shape, other.flags.fnc)
+        and one.tobytes() == other.tobytes()
+    )
 
 
 def _state(file: Path) -> tuple[int, ...] | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from hashlib import sha256
 from pathlib import Path
 
@@ -43,6 +45,8 @@ def test_what_the_last_world_had_is_linked(tmp_path):
     [
         {"a": SHAPES["a"] + 1.0, "b": SHAPES["b"]},
         {"a": SHAPES["a"].astype(np.float32), "b": SHAPES["b"]},
+        {"a": SHAPES["a"] * np.where(SHAPES["a"] > 0.0, 1.0, -1.0), "b": SHAPES["b"]},
+        {"a": SHAPES["a"], "b": np.asfortranarray(SHAPES["b"])},
         {"b": SHAPES["b"], "a": SHAPES["a"]},
         {"a": SHAPES["a"]},
     ],
@@ -72,3 +76,24 @@ def test_a_pool_that_changed_meanwhile_is_not_trusted(tmp_path):
 def test_another_pool_is_not_linked_to(tmp_path):
     stored(tmp_path / "0", SHAPES, tmp_path / "pool")
     assert stored(tmp_path / "1", SHAPES, tmp_path / "other") == {}
+
+
+def test_a_damaged_file_of_the_pool_that_cannot_be_replaced_is_not_linked(tmp_path, monkeypatch):
+    """Such as one that a power cut left, where the file system takes no more links."""
+    pool = tmp_path / "pool"
+    stored(tmp_path / "0", SHAPES, pool)
+    (kept,) = pool.iterdir()
+    kept.unlink()
+    kept.write_bytes(b"cut short" * 1000)
+    link = os.link
+
+    def full(source, target):
+        if Path(target).name.endswith("-shared"):
+            raise OSError(errno.EMLINK, "Too many links")
+        link(source, target)
+
+    monkeypatch.setattr(os, "link", full)
+    for world in ("1", "2"):
+        assert stored(tmp_path / world, SHAPES, pool) == {}
+        found = read_arrays(tmp_path / world / SHARED_ARRAYS)
+        assert np.array_equal(found["a"], SHAPES["a"])
