@@ -150,9 +150,9 @@ def ask(url: str, name: str, *, wish: str) -> Answer:
         size = answer.headers.get("Content-Length", "")
         if in_pieces:
             size = answer.headers.get("Content-Range", "").rpartition("/")[2]
-        if not size.isdecimal() or not 0 < int(size) <= MOST:
+        if not (size.isdecimal() and len(size) < 20 and 0 < int(size) <= MOST):
             host = urlsplit(answer.url).hostname
-            told = f"{size} bytes" if size else "nothing"
+            told = f"{size[:40]} bytes" if size not in ("", "*") else "nothing"
             raise DataError(
                 f"{host} tells {told} as the size of {name}, must be 1 B to {MOST // 2**30} GiB",
                 key=_KEY,

@@ -96,7 +96,7 @@ class File:
     """Bytes of a body after which the connection ends, once."""
     hangs: bool = False
     moved_to: str = ""
-    claims: int | None = None
+    claims: int | str | None = None
     """Size that it tells instead of the real one."""
     lasts: int | None = None
     """Requests after which another file is there."""

@@ -307,3 +307,13 @@ def test_a_server_that_hangs_up_is_not_called_out_of_reach(web, monkeypatch):
     url = web.put("/dem.tif", File(hangs=True))
     with pytest.raises(DataError, match=r"^dem cannot be had from 127.0.0.1: .*closed connection"):
         download.ask(url, "dem", wish="dem")
+
+
+@pytest.mark.parametrize(
+    ("size", "told"), [("*", "nothing"), ("-1", "-1 bytes"), ("9" * 5000, "9{40} bytes")]
+)
+def test_a_size_that_is_none_is_told(web, monkeypatch, size, told):
+    monkeypatch.delenv(download.OFFLINE, raising=False)
+    url = web.put("/dem.tif", File(data=DTM, claims=size))
+    with pytest.raises(DataError, match=f"tells {told} as the size of dem, must be 1 B to 64 GiB$"):
+        download.ask(url, "dem", wish="dem")
