@@ -291,9 +291,9 @@ def _grains(site: Site, hurst: float, posts: Posts) -> tuple[Grain, ...]:
 
 
 def detail_law(site: Site) -> Roughness | None:
-    """The law of the detail that a site's first fractal layer makes; None without one."""
-    layers = (layer for layer in site.recipe.terrain.layers if isinstance(layer, Fractal))
-    if (layer := next(layers, None)) is None:
+    """The law of the detail that a site's first fractal layer makes; None where none makes any."""
+    made = (one for one in site.recipe.terrain.layers if isinstance(one, Fractal) and one.gain)
+    if (layer := next(made, None)) is None:
         return None
     law = layer.figures(site)
     return law.replace(deviation=layer.gain * law.deviation)

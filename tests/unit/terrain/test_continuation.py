@@ -339,6 +339,7 @@ def test_statistics_are_plain_and_compare():
         ((Fractal(),), 0.6, 0.05),
         ((Fractal(gain=2.0),), 0.6, 0.1),
         ((Fractal(hurst=0.9, deviation_1m_m=0.3, gain=0.5),), 0.9, 0.15),
+        ((Fractal(gain=0.0),), None, None),
         ((), None, None),
     ],
 )
