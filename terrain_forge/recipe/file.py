@@ -306,7 +306,8 @@ def _apply(data: Any, change: str) -> Key:
 
 def _kind(found: Any) -> str:
     """What a value is, if it is no mapping."""
-    return {type(None): "nothing", str: "a text", list: "a list"}.get(type(found), "a number")
+    told = {type(None): "nothing", str: "a text", list: "a list", bool: "true or false"}
+    return told.get(type(found), "a number")
 
 
 def _beside(found: Any, word: str) -> str:
