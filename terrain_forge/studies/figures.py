@@ -74,7 +74,7 @@ def _draw(axes: Axes, effects: list[Effect], shift: float, colour: str, system: 
             medians.append(float(np.median(one.values)))
         if len(one.values) < one.cells:
             axes.plot(number + shift, 0.02, "x", color=colour, transform=axes.get_xaxis_transform())
-    label = " " * system.startswith("_") + figure_text(system)  # "_" would hide it
+    label = figure_text(system)
     axes.plot(places, medians, "-", color=colour, linewidth=1.4, marker="_", ms=12, label=label)
 
 

@@ -33,7 +33,8 @@ def figure_text(name: str) -> str:
     it lacks is written as files of that name are, on every machine alike.
     """
     shown = name if set(map(ord, name)) <= _known() else file_name(name)
-    return shown.replace("$", r"\$")  # a pair of dollars would be a formula
+    hidden = " " * shown.startswith("_")  # legends leave out what begins with "_"
+    return hidden + shown.replace("$", r"\$")  # a pair of dollars would be a formula
 
 
 def _plain(text: str, allowed: str) -> str:

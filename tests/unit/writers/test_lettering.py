@@ -35,6 +35,12 @@ def test_names_stay_what_they_are_where_the_font_has_them_and_apart_where_not():
     assert figure_text("石") != figure_text("岩")
 
 
+def test_a_name_is_in_legends_however_it_begins():
+    axes = Figure().add_subplot()
+    axes.plot([0, 1], label=figure_text("_name"))
+    assert [text.get_text().strip() for text in axes.legend().get_texts()] == ["_name"]
+
+
 def test_the_size_frequency_figure_names_populations_so():
     part = {"count": {"observed": 1234}, "name": "石", "arrangement": "clustered"}
     assert population_label(part) == f"1 234 {file_name('石')}, clustered"
