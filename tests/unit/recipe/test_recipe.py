@@ -233,7 +233,7 @@ def test_changes_of_the_command_line(tmp_path):
         told = f"there is no place '{re.escape(key)}' in the recipe: {why}$"
         with pytest.raises(RecipeError, match=told):
             load_recipe(path, changes=(f"{key}=x",))
-    with pytest.raises(RecipeError, match="terrain is true or false, which has no keys$"):
+    with pytest.raises(RecipeError, match=r"terrain is true or false, which has no keys$"):
         load_recipe(path, changes=("terrain=true", "terrain.deep=x"))
     for change, wrong in (
         ("terrain.spacing_m=-1", r"terrain\.spacing_m: must be greater"),

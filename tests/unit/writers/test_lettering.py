@@ -36,6 +36,8 @@ def test_names_stay_what_they_are_where_the_font_has_them_and_apart_where_not():
 
 
 def test_a_name_is_in_legends_however_it_begins():
+    from matplotlib.figure import Figure
+
     axes = Figure().add_subplot()
     axes.plot([0, 1], label=figure_text("_name"))
     assert [text.get_text().strip() for text in axes.legend().get_texts()] == ["_name"]
