@@ -230,7 +230,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     path, horizon = directory / "world.usda", tiled.world.horizon
     stage = new_stage(path, ROOT, kind=Kind.Tokens.assembly)
     define_world(stage, tiled.world, options.lights)
-    write_sky(tiled.world, directory / "assets")
+    highest = max(tile.height[1] for tile in tiled.tiles)
+    write_sky(tiled.world, directory / "assets", highest=highest)
     if shown := options.horizon and horizon is not None:
         write_horizon(horizon, tiled.world.appearance.detail, directory / "assets")
         define_parts(stage, "Horizon", ["horizon"])

@@ -139,9 +139,9 @@ def _define_lights(stage: Usd.Stage, world: World, levels: LightLevels) -> None:
     UsdGeom.Xformable(sky).AddRotateXOp().Set(90.0)
 
 
-def write_sky(world: World, assets: Path) -> None:
-    """Write the sky as an image, where it is more than a colour."""
-    if (image := dome_image(world)) is not None:
+def write_sky(world: World, assets: Path, *, highest: float | None = None) -> None:
+    """Write the sky as an image, where it is more than a colour; `highest` as of `dome_image`."""
+    if (image := dome_image(world, highest=highest)) is not None:
         (assets / SKY).write_bytes(encode_hdr(image))
 
 

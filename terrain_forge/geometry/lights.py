@@ -75,16 +75,21 @@ def world_daylight(world: World) -> tuple[Daylight, Array]:
     return daylight(lighting.dust, float(lighting.towards_sun[2]), albedo), albedo
 
 
-def dome_image(world: World) -> Array | None:
+def dome_image(world: World, *, highest: float | None = None) -> Array | None:
     """Longitude and latitude image of a world's sky, linear RGB, shape [rows, columns, 3].
 
     The top row is the zenith, the left edge looks north, the middle south, clockwise between them.
     A dusty sky is as bright in the mean, as level ground takes it, as a sky of the colour of the
     lighting; below the land's skyline it is what distant ground sends back. In a black one are the
     Earth and the stars, 1 for white that faces the Sun. None where there is nothing of either.
+
+    Args:
+        world: The world.
+        highest: Highest node of the site's ground [m], where the world is a part of it.
     """
     if world.lighting.dust is not None:
-        return _dusty(world)
+        top = float(world.ground.elevation.max()) if highest is None else highest
+        return _dusty(world, top)
     return _black(world.lighting) if _shines(world.lighting) else None
 
 
@@ -109,24 +114,25 @@ def _directions(size: tuple[int, int]) -> Array:
     return np.stack(np.broadcast_arrays(*whole), axis=-1)
 
 
-def _dusty(world: World) -> Array:
+def _dusty(world: World, highest: float) -> Array:
     lighting, towards = world.lighting, _directions(SIZE)
     day, albedo = world_daylight(world)
     image = day.radiance(towards, lighting.towards_sun)
-    image[towards[:, 0, 2] < _skyline(world)] = albedo * (day.direct + day.diffuse)
+    image[towards[:, 0, 2] < _skyline(world, highest)] = albedo * (day.direct + day.diffuse)
     return np.asarray(image * (np.mean(lighting.sky_rgb) / day.diffuse.mean()))
 
 
-def _skyline(world: World) -> float:
-    """Sine of the elevation above which sky may be seen beyond the land of a world."""
+def _skyline(world: World, highest: float) -> float:
+    """Sine of the elevation above which sky may be seen beyond the land, from the top."""
     land = world.horizon
     if land is None:
         return 0.0
-    east, north, up = land.mesh.vertices[: land.ground_vertices].T
-    off = np.hypot(east, north)
-    radius = world.site.body.mean_radius
-    far = (up + off * off / (2.0 * radius))[off >= 0.999 * off.max()]
-    above = float(world.ground.elevation.max()) + _EYE - float(far.min())
+    nodes, radius = land.mesh.vertices[: land.ground_vertices], world.site.body.mean_radius
+    plan, up = nodes[:, :2], nodes[:, 2]
+    # Those of the outermost ring, which is a rectangle around the site's middle.
+    last = ((plan <= 0.999 * plan.min(axis=0)) | (plan >= 0.999 * plan.max(axis=0))).any(axis=1)
+    far = (up + (plan * plan).sum(axis=1) / (2.0 * radius))[last]
+    above = highest + _EYE - float(far.min())
     # A pixel more, since viewers blend them.
     return float(-np.sqrt(2.0 * max(above, 0.0) / radius) - np.pi / SIZE[1])
 

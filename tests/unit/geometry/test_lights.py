@@ -69,7 +69,8 @@ def test_the_sky_goes_down_to_the_skyline_of_a_site_above_the_land(small_world):
     bare = under(small_world, 0.5)
     land = make_horizon(bare.site, bare.ground, bare.appearance, bare.library)
     mesh, world = land.mesh, bare.replace(horizon=land)
-    lower = mesh.vertices - (0.0, 0.0, 4000.0)
+    lower = mesh.vertices.copy()
+    lower[np.abs(lower[:, :2]).min(axis=1) < 0.9 * lower[:, 0].max(), 2] -= 4000.0  # not corners
     high = world.replace(horizon=land.replace(mesh=replace(mesh, vertices=lower)))
     pixel = 180.0 / len(dome_image(world))
 
@@ -82,3 +83,6 @@ def test_the_sky_goes_down_to_the_skyline_of_a_site_above_the_land(small_world):
     assert level == 90.0 / pixel
     assert rows_of_sky(world) == level + 1
     assert (rows_of_sky(high) - level - 1) * pixel == pytest.approx(dip, abs=pixel)
+    top = float(world.ground.elevation.max()) + 4000.0
+    of_a_site = dome_image(world, highest=top)  # of which the world is a part
+    assert np.array_equal(of_a_site, dome_image(high))
