@@ -68,8 +68,9 @@ class FarHeights(Record):
 
     @property
     def mean(self) -> float:
-        """Their mean, as far as they are to be followed [m]."""
-        total = float(self.weight.sum())
+        """Their mean, as far as they are to be followed [m]; of all where none is."""
+        if not (total := float(self.weight.sum())):
+            return float(self.heights.mean(dtype=np.float64))
         return float((self.heights * self.weight).sum(dtype=np.float64) / total)
 
 

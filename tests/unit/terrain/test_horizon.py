@@ -17,6 +17,7 @@ from terrain_forge.building import site_lines
 from terrain_forge.dtm import FlatDtm, HorizonSpec, RasterDtm, followed_to
 from terrain_forge.making import make_horizon, plan
 from terrain_forge.model import Heightfield, World
+from terrain_forge.model.inputs import FarHeights
 from terrain_forge.recipe import Recipe
 from terrain_forge.rocks import Golombek, PopulationSpec, RocksSpec
 from terrain_forge.terrain import Fractal, heights_beyond, paint, shape_ground
@@ -275,6 +276,17 @@ def test_a_summit_is_seen_from_as_far_as_it_stands_above_the_land(tmp_path):
     true = np.sqrt(2.0 * site.body.mean_radius * 2000.0)
     assert true < horizon.reach < 2.0 * true
     assert horizon.followed > 0.75 * true
+
+
+def test_the_mean_of_heights_is_of_those_that_are_followed():
+    heights = np.array([[1.0, 2.0], [3.0, 6.0]], np.float32)
+    frame = {"to_pixel": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "crs": "", "wrap": (0.0, 0.0)}
+    for weight, mean in (((1.0, 0.0), 2.0), ((0.0, 0.0), 3.0)):
+        weights = np.broadcast_to(np.float32(weight), (2, 2)).copy()
+        far = FarHeights(
+            heights=heights, weight=weights, reach=1.0, posting=1.0, source="a", **frame
+        )
+        assert far.mean == mean
 
 
 def test_a_horizon_is_not_beyond_the_body():
