@@ -179,8 +179,7 @@ def _actors(world: World, options: Options, *, models: list[Model]) -> list[Line
     """
     if world.trajectories:
         write_rover_meshes(world.rover, models[-1].folder / "meshes")
-    taken = {"world"}  # SDF's own
-    taken |= {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
+    taken = {rock_name(rock) for rock in world.field.id[world.field.dynamic].tolist()}
     taken |= {model.name for model in models[:2]} | {f"{file_name(world.site.name)}_horizon"}
     west, south, east, north = world.ground.bounds
     reach, classic = max(east - west, north - south), options.flavour == "classic"
