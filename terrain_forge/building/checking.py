@@ -30,14 +30,7 @@ from terrain_forge.recipe import (
     tile_cells,
 )
 from terrain_forge.rocks import contact_told
-from terrain_forge.rovers import (
-    doubt_gears,
-    doubt_rest,
-    doubt_stance,
-    doubt_unit,
-    rover_of,
-    told_radii,
-)
+from terrain_forge.rovers import doubts_of, rover_of, told_radii
 
 _WARNING = f"  {'warning':<12}"
 
@@ -190,8 +183,7 @@ def rover_lines(site: Site, rover: Rover) -> Iterator[str]:
     for note in rover.notes[bool(rover.held) :]:  # the first names those that are held
         yield f"  {'note':<12} {note}"
     yield from (f"{_WARNING} {text}" for text in rover.unread)
-    doubts = doubt_unit(rover), doubt_stance(rover), doubt_rest(rover), doubt_gears(rover)
-    yield from (f"{_WARNING} {text}" for text in doubts if text)
+    yield from (f"{_WARNING} {text}" for text in doubts_of(rover))
     if rover.length > min(site.size) or rover.width > min(site.size):
         yield (
             f"{_WARNING} the rover is {rover.length:.3g} m long and {rover.width:.3g} m wide, the "

@@ -9,10 +9,8 @@ from .catalogue import resolve_rover as resolve_rover
 from .catalogue import rover_of as rover_of
 from .custom import CouplingSpec as CouplingSpec
 from .custom import FileRover as FileRover
-from .doubts import doubt_gears as doubt_gears
-from .doubts import doubt_rest as doubt_rest
-from .doubts import doubt_stance as doubt_stance
 from .doubts import doubt_unit as doubt_unit
+from .doubts import doubts_of as doubts_of
 from .doubts import told_radii as told_radii
 from .rig import AnySensor as AnySensor
 from .rig import MoreSensors as MoreSensors

@@ -23,6 +23,12 @@ _ROUNDING = 1e-9
 """Height that is none [m], and the area of a triangle that has none [m²]."""
 
 
+def doubts_of(rover: Rover) -> tuple[str, ...]:
+    """What of a rover can hardly be meant, a sentence each."""
+    found = doubt_unit(rover), doubt_stance(rover), doubt_rest(rover), doubt_gears(rover)
+    return tuple(filter(None, found))
+
+
 def doubt_unit(rover: Rover) -> str:
     """A question where lengths are those of another unit; empty where they are not."""
     if max(rover.wheel_radii, default=0.0) <= _LARGEST_RADIUS:
@@ -71,11 +77,11 @@ def doubt_rest(rover: Rover) -> str:
 
     Limits leave it out, or a gear asks for another: simulations begin with a jump.
     """
-    passive = [link for link in rover.links if link.joint == "passive" and link.limits]
     found = [
         f"{link.name} turns from {link.limits[0]:.3g} to {link.limits[1]:.3g} rad"
-        for link in passive
-        if link.limits and not link.limits[0] - _TURN <= 0.0 <= link.limits[1] + _TURN
+        for link in rover.links
+        if link.joint == "passive" and link.limits
+        if not link.limits[0] - _TURN <= 0.0 <= link.limits[1] + _TURN
     ]
     found += [
         f"{gear.link} is {gear.offset:.3g} rad ahead of {gear.leader} by its gear"

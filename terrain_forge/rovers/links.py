@@ -61,10 +61,9 @@ def _require_names(names: list[str]) -> None:
 
     In SDF links and joints share their names, and the joint of a link X is called X_joint.
     """
+    joints = {f"{name}_joint" for name in names} - {"base_link_joint"}  # its root has none
     for name in names:
-        joint_of = name.removesuffix("_joint")
-        twice = names.count(name) > 1 or (joint_of != name and joint_of in names)
-        if twice or _TAKEN.fullmatch(name):
+        if names.count(name) > 1 or name in joints or _TAKEN.fullmatch(name):
             raise FileError(
                 f"link {name!r} moves, and exports call something else so: give it another name"
             )

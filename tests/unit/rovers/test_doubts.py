@@ -5,14 +5,8 @@ from __future__ import annotations
 import pytest
 
 from terrain_forge.model import Coupling
-from terrain_forge.rovers import (
-    built_in_rovers,
-    doubt_gears,
-    doubt_rest,
-    doubt_stance,
-    doubt_unit,
-    find_rover,
-)
+from terrain_forge.rovers import built_in_rovers, doubts_of, find_rover
+from terrain_forge.rovers.doubts import doubt_gears, doubt_rest, doubt_stance, doubt_unit
 from tests.helpers import rovers
 
 _WHEEL = (
@@ -73,8 +67,7 @@ def test_a_wheel_of_meters_is_none_of_metres(tmp_path):
 @pytest.mark.parametrize("name", built_in_rovers())
 def test_our_own_are_beyond_doubt(name):
     rover = find_rover(name)
-    assert doubt_unit(rover) == doubt_stance(rover) == doubt_rest(rover) == ""
-    assert doubt_gears(rover) == ""
+    assert doubts_of(rover) == ()
 
 
 @pytest.mark.parametrize(
