@@ -84,9 +84,9 @@ def prepared(
             rate=1.0 / sweep_s(dataset, lidar),
         )
     )
-    base = np.eye(4)
+    body = told["body"]  # the IMU's frame in a recording that lacks its readings too
+    base = transform(dataset, body) if body in told["transforms"] else np.eye(4)
     if imu := imu_of(dataset):
-        base = transform(dataset, imu)
 
         def noise(name: str, least: float) -> float:
             return float(max(figure(dataset, imu, name), least))
@@ -109,7 +109,7 @@ def prepared(
 def imu_of(dataset: Path) -> str:
     """The folder of the IMU whose frame the body's is; empty where none was recorded."""
     body: str = about(dataset)["body"]
-    return body if body.startswith("imu") else ""
+    return body if (dataset / "mav0" / body / "data.csv").is_file() else ""
 
 
 def main(dataset: Path, output: Path, lidar: str, kind: str, words: list[str]) -> None:

@@ -105,8 +105,9 @@ def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
         points["time"] = column * column_s + fired
         points["x"] = 1.0 + column
     np.save(folder / "data" / "1000.npy", np.random.default_rng(1).permutation(points))
-    index = {"body": "base_link", "gravity_m_s2": 3.7}
-    index["transforms"] = {"lidar1": np.eye(4).ravel().tolist()}
+    # Of "even" the body is an IMU's frame, whose readings were left out.
+    index = {"body": "imu0" if kind == "even" else "base_link", "gravity_m_s2": 3.7}
+    index["transforms"] = dict.fromkeys(("imu0", "lidar1"), np.eye(4).ravel().tolist())
     (tmp_path / "dataset.json").write_text(json.dumps(index))
     done = subprocess.run(
         [sys.executable, DRIVER, tmp_path, tmp_path / "out.tum", "lidar1", "Fake"],
