@@ -105,7 +105,7 @@ def _told(error: Exception) -> str:
     if isinstance(error, FileNotFoundError) and error.filename is None:
         try:
             Path.cwd()
-        except FileNotFoundError:
+        except OSError:
             return "the current folder was removed: change to another"
     return str(error)
 

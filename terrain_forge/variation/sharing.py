@@ -114,7 +114,8 @@ _last: list[_Kept] = []
 
 
 def drop_unshared(pool: Path) -> None:
-    """Take out of the pool what only one folder has."""
+    """Take out of the pool what only one folder has, and let go of what the last world shared."""
+    _last.clear()
     for file in pool.iterdir():
         if _POOLED.fullmatch(file.name) and _is_plain(file) and file.stat().st_nlink <= 2:
             file.unlink()
