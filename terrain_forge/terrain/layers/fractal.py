@@ -35,7 +35,9 @@ _FLAT_LONGEST = 32.0  # longest wavelength on a flat site [m] …
 _BASELINES = 8.0  # … and in baselines of the roughness
 _STAGE = "terrain/fractal"
 _DRAWN_OUT = 4.0  # length over width of noise with a direction
-_RESTING = 0.5  # RMS slope of detail over one spacing, of the tangent of the angle of repose
+# RMS slope of detail over one spacing: of loose ground, of the tangent of its angle of repose, and
+# of crags, as their faces are rough where their law would stand on needles.
+_RESTING, _CRAG = 0.5, 0.65
 _STEEPEST_DEG = 80.0
 _FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
@@ -234,23 +236,23 @@ class Fractal(Layer):
 
         Where loose ground would not rest it is less: the RMS slope over one spacing is at most half
         the tangent of the angle of repose, which one place in forty then exceeds. Ground as steep
-        at the DTM's own posting is rock.
+        at the DTM's own posting is rock, and of that it is at most 0.65.
         """
         found = site.roughness
         if not self._follows(site) or found.local is None or site.dtm is None:
             return None
         factors = np.asarray(found.local[posts] / found.deviation, np.float64)
-        if site.body.repose is None or self._given:
+        if self._given:
             return factors
-        steepest = _RESTING * float(portable.tan(site.body.repose))
+        repose = site.body.repose
+        loose = _CRAG if repose is None else _RESTING * float(portable.tan(repose))
         law = self.figures(site)
-        slope, rock = (
+        slope, coarse = (
             self.gain * factors * law.deviation_over(length) / length
             for length in (site.spacing, site.dtm.posting)
         )
-        rock = rock / steepest
-        excess = np.maximum(slope - steepest, 0.0) * np.clip(2.0 - 2.0 * rock, 0.0, 1.0)
-        return np.asarray(factors * (1.0 - excess / np.maximum(slope, steepest)))
+        limit = loose + (_CRAG - loose) * np.clip(2.0 * coarse / loose - 1.0, 0.0, 1.0)
+        return np.asarray(factors * np.minimum(limit / np.maximum(slope, limit), 1.0))
 
 
 def _grains(site: Site, hurst: float, posts: Posts) -> tuple[Grain, ...]:
