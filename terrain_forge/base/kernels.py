@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,11 @@ from numba import config, get_num_threads, njit
 
 from terrain_forge.base.compiler import KernelCompiler, PartCompiler
 from terrain_forge.base.errors import StorageError
-from terrain_forge.base.threads import worker_threads
+from terrain_forge.base.threads import hold_interrupts, worker_threads
 
 _CHUNKS_PER_THREAD = 4
+_TRIED = 32  # of so many parts one is done alone, to see what the others cost
+_WORTH_THREADS = 1e-3  # work that pays for starting threads [s]
 
 # Numba builds entries from C and from Python for each function unless told not to.
 _NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
@@ -69,11 +72,16 @@ def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
         arguments: Passed on, arrays to be written among them.
     """
     threads = get_num_threads()
-    chunks = min(count, threads * _CHUNKS_PER_THREAD)
-    if threads == 1 or chunks < 2:
-        part(0, count, *arguments)
+    tried = -(-count // _TRIED) if threads > 1 else count
+    with hold_interrupts():  # it may be compiled
+        begin = perf_counter()
+        part(0, tried, *arguments)
+        seconds = perf_counter() - begin
+    if seconds * (count - tried) <= _WORTH_THREADS * tried:
+        part(tried, count, *arguments)
         return
-    borders = np.linspace(0, count, chunks + 1).astype(int).tolist()
+    chunks = min(count - tried, threads * _CHUNKS_PER_THREAD)
+    borders = np.linspace(tried, count, chunks + 1).astype(int).tolist()
     with worker_threads(threads) as pool:
         list(pool.map(lambda border: part(*border, *arguments), pairwise(borders)))
 

@@ -30,9 +30,9 @@ def _warp(
     return east, north
 
 
-_FEW = 4
-_warp_few = lru_cache(maxsize=512)(_warp)
-"""A raster's middle and corners are asked for again and again, in milliseconds a time."""
+_FEW = 300
+_warp_few = lru_cache(maxsize=256)(_warp)
+"""Corners and coarse lattices of a site are asked for again and again, in milliseconds a time."""
 
 
 def ellipsoid(crs: str) -> tuple[float, float]:
