@@ -17,7 +17,8 @@ def cache_folder() -> Path | None:
     chosen = os.environ.get(_VARIABLE)
     if chosen in ("", "off"):
         return None
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    told = (os.environ.get(name, "") for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"))
+    base = next((place for place in told if Path(place).is_absolute()), None)
     try:
         if chosen is not None:
             return Path(chosen).expanduser()

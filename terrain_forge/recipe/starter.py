@@ -37,13 +37,19 @@ def write_starter(directory: Path, name: str = "hello") -> Path:
     """Write a recipe that ships, and its DTM, into a folder; returns the recipe.
 
     Raises:
-        RecipeError: if there is no recipe of that name.
+        RecipeError: if there is no recipe of that name, or the folder is called like a recipe.
         OutputError: if one of them is there already; a DTM may be, where it is the very same.
         StorageError: if the folder cannot be written.
     """
     name = name.removesuffix(".yaml")
     if name not in starters():
         raise RecipeError(f"no recipe is called {name!r}, there are: {', '.join(starters())}")
+    stem, ending = directory.stem, directory.suffix.lower()
+    if not directory.is_dir() and (ending in (".yaml", ".yml") or stem in {*starters()} - {name}):
+        wanted = stem if stem in starters() else name
+        raise RecipeError(
+            f"{directory} is called like a recipe: name a folder, or --recipe {wanted}"
+        )
     text = files(_RECIPES).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     samples = dict.fromkeys(_SAMPLE.findall(text))
     recipe = directory / f"{name}.yaml"

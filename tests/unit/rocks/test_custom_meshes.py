@@ -392,6 +392,10 @@ def test_cache_knows_the_users_home(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", "~/rocks")
     assert cache_folder() == tmp_path / "rocks"
+    monkeypatch.delenv("TERRAIN_FORGE_CACHE")
+    for told, base in ((tmp_path / "kept", tmp_path / "kept"), ("kept", tmp_path / ".cache")):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(told))
+        assert cache_folder() == base / "terrain-forge"
 
 
 def test_cache_can_be_off_or_out_of_reach(tmp_path, monkeypatch):

@@ -168,6 +168,17 @@ def test_init_lists_recipes_and_knows_no_others(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [("moon_mare", "moon_mare"), ("moon_mare.yaml", "moon_mare"), ("a.yml", "hello")],
+)
+def test_init_takes_no_recipe_for_a_folder(given, wanted, tmp_path):
+    done = run("init", tmp_path / given)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.endswith(f"name a folder, or --recipe {wanted}\n")
+    assert not (tmp_path / given).exists()
+
+
 def raster(path, driver):
     with rasterio.open(path, "w", driver, 4, 4, 1, dtype="float32") as file:
         file.write(np.ones((1, 4, 4), np.float32))
