@@ -62,7 +62,7 @@ from .kernels import inner as inner
 from .kernels import kernel as kernel
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
-from .links import first_link as first_link
+from .links import first_odd as first_odd
 from .links import is_inside as is_inside
 from .links import lies_within as lies_within
 from .links import require_unlinked as require_unlinked
@@ -91,6 +91,7 @@ from .registry import plugins as plugins
 from .registry import returning as returning
 from .registry import skip_plugin as skip_plugin
 from .registry import skipped as skipped
+from .registry import staying as staying
 from .registry import their_packages as their_packages
 from .registry import their_plugins as their_plugins
 from .registry import values as values

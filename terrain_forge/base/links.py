@@ -42,15 +42,24 @@ def is_inside(name: str) -> bool:
     return plain and bool(place.parts) and not place.is_absolute() and ".." not in place.parts
 
 
-def first_link(folder: Path) -> str:
-    """The first symbolic link in a folder, by its name from there; empty if there is none.
+def first_odd(folder: Path) -> str:
+    """The first in a folder that is no plain file or folder with a name in Unicode, in words.
 
-    A folder that is one itself is called `.`, and not looked into.
+    It is empty if there is none. A folder that is a link itself is called `.`, and not looked into.
     """
     if folder.is_symlink():
-        return "."
-    links = (path for path in folder.rglob("*") if path.is_symlink())
-    return min((path.relative_to(folder).as_posix() for path in links), default="")
+        return "the link ."
+    names = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+    return next(filter(None, (_odd(folder / name, name) for name in names)), "")
+
+
+def _odd(path: Path, name: str) -> str:
+    """Why a path in a folder is odd, with its name there; empty if it is not."""
+    if path.is_symlink():
+        return f"the link {name}"
+    if not (path.is_file() or path.is_dir()):  # who opens a pipe may wait for ever
+        return f"{name!a}, which is neither a file nor a folder,"
+    return "" if name.isprintable() else f"{name!a}, a name with what cannot be printed,"
 
 
 def require_unlinked(folder: Path, name: str | PurePosixPath) -> Path:

@@ -10,15 +10,18 @@ from __future__ import annotations
 import errno
 import inspect
 import logging
+import os
 import pkgutil
 import sys
+import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
+from pathlib import Path
 from types import ModuleType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -64,7 +67,7 @@ def load_plugin(point: EntryPoint, group: str) -> ModuleType | None:
     What it prints meanwhile goes where warnings do, not among what a command says.
     """
     try:
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr), staying("as it is imported it"):
             return import_module(point.module)
     except FOREIGN_FAILURES as error:  # whatever a foreign package raises must not break ours
         skip_plugin(point, group, failure_words(error))
@@ -129,7 +132,8 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
     """
     module = part.__name__ if isinstance(part, ModuleType) else type(part).__module__
     try:
-        yield
+        with nullcontext() if is_ours(module) else staying(f"{what} ({module})"):
+            yield
     except TerrainForgeError:
         raise
     except Exception as error:
@@ -137,6 +141,41 @@ def returning(part: object, what: str, allowed: str) -> Iterator[None]:
             raise
         found = failure_words(error)
         raise PluginError(f"{what} ({module}) must return {allowed}: {found}") from error
+
+
+@contextmanager
+def staying(who: str) -> Iterator[None]:
+    """Refuse code of another package that changes the current folder; we are there again then.
+
+    In another thread than the first nobody is refused: who went away there is not known.
+
+    Raises:
+        PluginError: says who, but for an error of that code, which goes on.
+    """
+    first = threading.current_thread() is threading.main_thread()
+    here = _current() if first else ""
+    try:
+        yield
+    except BaseException:
+        _return_to(here)
+        raise
+    if _return_to(here):
+        raise PluginError(f"{who} changed the current folder")
+
+
+def _return_to(folder: str) -> bool:
+    """Go back to a folder; whether we were elsewhere."""
+    if not folder or _current() == folder:
+        return False
+    os.chdir(folder)
+    return True
+
+
+def _current() -> str:
+    try:
+        return str(Path.cwd())
+    except FileNotFoundError:  # it is gone
+        return ""
 
 
 def _raised_within(module: str, error: BaseException) -> bool:

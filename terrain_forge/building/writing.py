@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -13,10 +12,11 @@ from terrain_forge.base import (
     ExportError,
     PluginError,
     Stopwatch,
-    first_link,
+    first_odd,
     in_turn,
     is_ours,
     returning,
+    staying,
     worker_threads,
 )
 from terrain_forge.model import (
@@ -82,33 +82,27 @@ def write_files(
         "path files": partial(write_trajectories, world.trajectories, directory / "paths"),
         "world": partial(world.save, directory),
     }
-    here = _current()
-    results = _side_by_side(tasks, watch)
-    _require_inside(directory, orders, here)
+    with staying(f"an exporter ({_theirs(orders)})"):
+        results = _side_by_side(tasks, watch)
+    _require_inside(directory, orders)
     return tuple(results[f"export {order.folder}"] for order in orders)
 
 
-def _require_inside(directory: Path, orders: tuple[ExportOrder, ...], here: Path) -> None:
-    """Refuse what an exporter wrote beside its folder, which no list tells, or that it went away.
+def _theirs(orders: tuple[ExportOrder, ...]) -> str:
+    """The modules of exporters of other packages."""
+    modules = [getattr(order.exporter, "__name__", order.kind) for order in orders]
+    return ", ".join(module for module in modules if not is_ours(module))
+
+
+def _require_inside(directory: Path, orders: tuple[ExportOrder, ...]) -> None:
+    """Refuse what an exporter wrote beside its folder, which no list tells.
 
     Raises:
-        PluginError: names the modules of other packages; we are `here` again.
+        PluginError: names the modules of other packages.
     """
-    modules = [getattr(order.exporter, "__name__", order.kind) for order in orders]
-    theirs = ", ".join(module for module in modules if not is_ours(module))
     known = RESERVED | {order.folder for order in orders}
     if odd := sorted({path.name for path in directory.iterdir()} - known):
-        raise PluginError(f"an exporter ({theirs}) wrote {odd[0]} beside its folder")
-    if _current() != here:
-        os.chdir(here)
-        raise PluginError(f"an exporter ({theirs}) changed the current folder")
-
-
-def _current() -> Path:
-    try:
-        return Path.cwd()
-    except FileNotFoundError:  # it is gone
-        return Path()
+        raise PluginError(f"an exporter ({_theirs(orders)}) wrote {odd[0]} beside its folder")
 
 
 def _side_by_side(tasks: dict[str, Callable[[], Any]], watch: Stopwatch) -> dict[str, Any]:
@@ -158,10 +152,10 @@ def require_no_link(exporter: Exporter, kind: str, folder: Path) -> None:
     """Refuse what an exporter has left in its folder that is another's.
 
     Raises:
-        PluginError: names the link.
+        PluginError: names the link, or what is no file.
     """
-    if link := first_link(folder):
-        raise PluginError(f"{exporter_words(exporter, kind)} left the link {link} in its folder")
+    if odd := first_odd(folder):
+        raise PluginError(f"{exporter_words(exporter, kind)} left {odd} in its folder")
 
 
 def exporter_words(exporter: Exporter, kind: str) -> str:

@@ -21,7 +21,7 @@ from terrain_forge.base import (
     Spec,
     checked,
     complaint,
-    first_link,
+    first_odd,
     hint_at,
     is_ours,
     parts,
@@ -215,8 +215,8 @@ def _require_own(writer: DatasetWriter, fresh: Path) -> None:
         raise PluginError(f"{_named(writer)} removed its folder")
     if odd := sorted(path.name for path in fresh.parent.iterdir() if path != fresh):
         raise PluginError(f"{_named(writer)} wrote {odd[0]} beside its folder")
-    if link := first_link(fresh):
-        raise PluginError(f"{_named(writer)} left the link {link} in its folder")
+    if found := first_odd(fresh):
+        raise PluginError(f"{_named(writer)} left {found} in its folder")
 
 
 def _require_same(writer: DatasetWriter, before: _States, after: _States) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +33,7 @@ def shape_ground(*, site: Site, window: Window, layers: tuple[Layer, ...]) -> He
 
 def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.float64]:
     """Heights of a strip's nodes, made with the ground around it that its layers look at."""
-    margin = sum(layer.margin(site) for layer in layers)
+    margin = sum(_margin(site, layer) for layer in layers)
     around = site.padded(window, margin) if margin > 0.0 else window
     elevation = dtm_heights(site=site, window=around)
     _require_finite(elevation, "the DTM")
@@ -44,6 +46,14 @@ def _shape(site: Site, window: Window, layers: tuple[Layer, ...]) -> NDArray[np.
             elevation += layer.masked_relief(site=site, window=around, elevation=seen)
             _require_finite(elevation, f"terrain.layers[{number}] ({type(layer).__name__})")
     return elevation[window.nodes_in(around)]
+
+
+def _margin(site: Site, layer: Layer) -> float:
+    """How far around a node a layer looks at the ground [m]."""
+    with returning(layer, f"layer {layer.kind!r}: reach", "a finite length of at least 0 [m]"):
+        if not 0.0 <= (reach := layer.reach(site)) < math.inf:
+            raise ValueError(f"found {reach:g}")
+    return layer.margin(site)
 
 
 def _require_finite(elevation: NDArray[np.float64], made_by: str) -> None:

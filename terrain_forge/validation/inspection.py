@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from terrain_forge.base import DataError, SimulationError, read_json
+from terrain_forge.base import (
+    DataError,
+    PluginError,
+    SimulationError,
+    is_ours,
+    read_json,
+    staying,
+)
 from terrain_forge.model import Check, Export, World
 from terrain_forge.recipe import ValidateSpec
 
@@ -56,6 +64,40 @@ def not_opened(folder: str, altered: Iterable[str]) -> str:
     """Why an export is not given to programs: they would read whatever stands in altered files."""
     names = [name for name in altered if name.startswith(f"{folder}/")]
     return f"not opened, since altered: {', '.join(names[:_TOLD])}" if names else ""
+
+
+@contextmanager
+def leaving(who: str, module: str, folder: Path, *, added: bool = False) -> Iterator[None]:
+    """Refuse code of another package that changes or removes files which are there, or goes away.
+
+    Args:
+        who: Who it is, in words.
+        module: Its module.
+        folder: The folder of the files.
+        added: Whether new files are refused too.
+
+    Raises:
+        PluginError: names who and the file.
+    """
+    if is_ours(module):
+        yield
+        return
+    before = _states(folder)
+    with staying(who):
+        yield
+    after = _states(folder)
+    names = before.keys() | after.keys() if added else before.keys()
+    if odd := sorted(name for name in names if before.get(name) != after.get(name)):
+        raise PluginError(f"{who} changed {odd[0]}")
+
+
+def _states(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of change of the files of a folder, by their names in it."""
+    files = {path: path.lstat() for path in folder.rglob("*") if not path.is_dir()}
+    return {
+        path.relative_to(folder).as_posix(): (stat.st_size, stat.st_mtime_ns)
+        for path, stat in files.items()
+    }
 
 
 def content_of(file: Path) -> dict[str, Any]:

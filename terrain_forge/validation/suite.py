@@ -14,10 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import FOREIGN_FAILURES, RecipeError, failure_words, worker_threads
+from terrain_forge.base import (
+    FOREIGN_FAILURES,
+    PluginError,
+    RecipeError,
+    failure_words,
+    staying,
+    worker_threads,
+)
 from terrain_forge.model import Check, Export, World
 from terrain_forge.validation.consumer import Consumer, NotRun
-from terrain_forge.validation.inspection import not_opened
+from terrain_forge.validation.inspection import leaving, not_opened
 from terrain_forge.validation.measures import (
     ASPECTS,
     BALL_LIMIT,
@@ -55,7 +62,7 @@ def quick_checks(
     """
     sample = draw_sample(world, points=points, quick=True)
     quick = [(e, c, o) for e in exports for c, o in consumers(e) if c.quick]
-    with worker_threads(2) as pool:
+    with staying("what reads an export back"), worker_threads(2) as pool:
         found = pool.map(lambda one: _quickly(sample, directory, *one, altered), quick)
         return [check for checks in found for check in checks]
 
@@ -158,10 +165,14 @@ def read(
     )
     if why := not_opened(export.folder, altered):
         return [replace(blank, status=status, note=why)], None
+    module, folder = getattr(consumer.read, "__module__", ""), directory / export.folder
     try:
-        reading = consumer.read(sample, directory / export.folder, options, scratch)
+        with leaving(f"consumer {consumer.name!r} ({module})", module, folder, added=True):
+            reading = consumer.read(sample, folder, options, scratch)
         aspects = tuple(filter(None, _QUICK)) if sample.quick else ASPECTS
         return measure(sample, blank, reading, aspects), reading
+    except PluginError:
+        raise
     except NotRun as reason:
         status, note = "not run", str(reason)
     except FOREIGN_FAILURES as error:  # of its own; an export that it cannot read fails

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import isfinite
@@ -13,7 +13,6 @@ from typing import Any
 
 from terrain_forge.base import (
     FOREIGN_FAILURES,
-    PluginError,
     Record,
     failure_words,
     is_ours,
@@ -25,7 +24,7 @@ from terrain_forge.model import Check, Export, World, exporter, failed, plain_op
 from terrain_forge.recipe import ValidateSpec
 from terrain_forge.terrain import terrain_statistics
 from terrain_forge.validation.checks.drives import Drives
-from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
+from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of, leaving
 
 GROUPS = ("files", "exports", "paths", "rocks", "truth", "drive", "craters", "other programs")
 """The order of the groups; those of other packages' checks follow."""
@@ -151,28 +150,10 @@ def _checks(
     return found
 
 
-@contextmanager
-def _leaving(inspection: Inspection, folder: Path) -> Iterator[None]:
-    """Refuse an inspection of another package that changes or removes files which are there.
-
-    Raises:
-        PluginError: names its module and the file.
-    """
+def _leaving(inspection: Inspection, folder: Path) -> AbstractContextManager[None]:
+    """Refuse an inspection of another package that changes or removes files which are there."""
     module = type(inspection).__module__
-    before = {} if is_ours(module) else _states(folder)
-    yield
-    after = _states(folder) if before else {}
-    if odd := sorted(name for name in before if before[name] != after.get(name)):
-        raise PluginError(f"check {inspection.kind!r} ({module}) changed {odd[0]}")
-
-
-def _states(folder: Path) -> dict[str, tuple[int, int]]:
-    """Size and time of change of the files of a folder, by their names in it."""
-    files = {path: path.lstat() for path in folder.rglob("*") if not path.is_dir()}
-    return {
-        path.relative_to(folder).as_posix(): (stat.st_size, stat.st_mtime_ns)
-        for path, stat in files.items()
-    }
+    return leaving(f"check {inspection.kind!r} ({module})", module, folder)
 
 
 def _judged(check: Check) -> Check:

@@ -64,6 +64,8 @@ REFUSED = [
         )
         for what in ("number", "truths", "masked")
     ),
+    ({"layers": "{kind: odd, what: low}"}, "layer 'odd': reach (odd_layer)"),
+    ({"layers": "{kind: odd, what: text}"}, "layer 'odd': reach (odd_layer)"),
     ({"layers": "{kind: odd, what: ok}"}, "layer 'odd': brightness (odd_layer)"),
     (_rocks("number"), "size law 'odd': cumulative_number (odd_law)"),
     (_rocks("sample"), "size law 'odd': sample (odd_law)"),
@@ -119,6 +121,17 @@ def test_a_plugin_cannot_end_a_build_as_if_it_were_done(installed, tmp_path, num
             {"exports": "{strayer: {what: link}}"},
             "exporter 'strayer' (straying_exporter) left the link mine in its folder",
         ),
+        ({"exports": "{strayer: {what: pipe}}"}, "left 'mine', which is neither a file nor a "),
+        ({"exports": "{strayer: {what: bytes}}"}, r"left 'mine\udcff', a name with what cannot "),
+        (
+            {"exports": "{strayer: {what: log}}"},
+            "consumer 'reader' (straying_exporter) changed log",
+        ),
+        (
+            {"exports": "{strayer: {what: leave}}"},
+            "what reads an export back changed the current folder",
+        ),
+        ({"layers": "{kind: odd, what: go}"}, "relief (odd_layer) changed the current folder"),
     ],
 )
 def test_a_plugin_changes_nothing_but_its_own(installed, tmp_path, parts, told):
@@ -280,6 +293,7 @@ def test_doctor_lists_the_parts_of_others(installed):
         "layer odd works (odd_layer)",
         "layer typo not working (typo_layer): Typo has not `kind: Literal['tpyo'] = 'tpyo'`",
         "size law odd works (odd_law)",
+        "layer moved not working (moved_layer): as it is imported it changed the current folder",
         "check odd works as leaver, none, odd, thief (odd_check)",
         "body rock works (rock_body)",
         "report section odd not working (odd_section): Placed has place = '46', which is no int",

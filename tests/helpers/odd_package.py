@@ -19,6 +19,7 @@ a,b = liar_exporter
 [terrain_forge.layers]
 odd = odd_layer
 typo = typo_layer
+moved = moved_layer
 [terrain_forge.size_laws]
 odd = odd_law
 [terrain_forge.route_shapes]
@@ -74,18 +75,26 @@ MODULES = {
     "straying_exporter.py": HEAD
     + "import os\nfrom terrain_forge.base import Spec\n"
     + "from terrain_forge.model import ExportReport\n"
+    + "from terrain_forge.validation import Consumer, Reading\n"
     + SPEC
     + "class Options(Spec):\n    what: str = 'write'\n"
     + "def export(world, directory, *, options):\n"
     + "    if options.what == 'link': (directory / 'mine').symlink_to(__file__)\n"
     + "    if options.what == 'go': os.chdir('/')\n"
+    + "    if options.what == 'pipe': os.mkfifo(directory / 'mine')\n"
+    + "    if options.what == 'bytes': (directory / 'mine\\udcff').write_text('x')\n"
     + "    if options.what == 'write': (directory.parent / 'mine').mkdir()\n"
     + "    if options.what == 'keep': (directory / 'kept').write_text('kept')\n"
     + "    if options.what == 'read': open('/nowhere/mine')\n"
     + "    if options.what == 'lost': open(directory / 'gone' / 'mine', 'w')\n"
     + "    if options.what == 'full': raise OSError(28, 'full')\n"
     + "    if options.what == 'locked': raise OSError(13, 'locked', str(directory / 'a'))\n"
-    + "    return ExportReport(files=(), losses=())\n",
+    + "    return ExportReport(files=(), losses=())\n"
+    + "def read(sample, folder, options, scratch):\n"
+    + "    if options.what == 'log': (folder / 'log').write_text('read')\n"
+    + "    if options.what == 'leave': os.chdir('/')\n"
+    + "    return Reading(consumer='reader')\n"
+    + "CONSUMERS = (Consumer(name='reader', read=read, quick=True),)\n",
     **{
         f"{name}_exporter.py": HEAD
         + "from pathlib import Path\nfrom terrain_forge.base import Spec\n"
@@ -120,13 +129,17 @@ MODULES = {
     + SPEC
     + "class Typo(Layer):\n    kind: Literal['typo'] = 'tpyo'\n"
     + "    def relief(self, **_): return 0.0\n",
+    "moved_layer.py": "import os\nos.chdir('/')\n",
     "odd_layer.py": HEAD
-    + "from terrain_forge.terrain import Layer\n"
+    + "import os\nfrom terrain_forge.terrain import Layer\n"
     + SPEC
     + "class Odd(Layer):\n    kind: Literal['odd'] = 'odd'\n    what: str = 'nan'\n"
+    + "    def reach(self, site): return {'low': -1.0, 'text': '1'}.get(self.what, 0.0)\n"
     + "    def relief(self, *, site, window, elevation):\n"
+    + "        if self.what == 'go': os.chdir('/')\n"
     + "        return {'nan': np.full_like(elevation, np.nan), 'none': None,\n"
     + "                'shape': np.ones((2, 2)), 'ok': elevation, 'far': elevation + 1e300,\n"
+    + "                'go': elevation,\n"
     + "                'number': 0.1, 'truths': elevation > 0, 'masked': np.ma.array(elevation),\n"
     + "                'place': elevation if self.what != 'place' else elevation.__iadd__(1.0),\n"
     + "                }[self.what] if self.what not in ('exit', 'file') else (\n"
