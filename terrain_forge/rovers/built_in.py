@@ -229,14 +229,16 @@ def build_rover(choice: BuiltInRover) -> FoundRover:
     try:
         reading = {"file": file.name, "step_limit_m": choice.step_limit_m}
         reading |= filled(told.reading)
-        rover, frames = make_rover(assembly, _adapter(FileRover).validate_python(reading))
+        rover, frames = make_rover(assembly, _read(FileRover, reading, "reading"))
         links = {link.name for link in rover.links}  # what is fixed to them is no name of ours
         frames = {name: frame for name, frame in frames.items() if name in links}
-        sensors = tuple(_sensor(filled(sensor)) for sensor in told.sensors)
+        sensors = tuple(
+            _sensor(filled(sensor), f"sensors[{n}]") for n, sensor in enumerate(told.sensors)
+        )
         lost = {sensor.link for sensor in sensors} - {"", *links}
         if lost:
             raise ValueError(f"a sensor sits on {lost.pop()!r}, which is no link of the rover")
-    except (ValidationError, ValueError, TypeError, LookupError) as error:
+    except (ValueError, TypeError, LookupError) as error:
         raise DataError(f"{file.stem}.yaml: {' '.join(str(error).split())}", key=_KEY) from None
     sensors = tuple(carried(sensor, frames) for sensor in sensors)
     rover = rover.replace(name=file.stem, sensors=sensors)
@@ -271,12 +273,24 @@ def _filled(told: Any, *, texts: Substitution, names: Scope) -> Any:
     return tuple(map(again, told)) if isinstance(told, list) else told
 
 
-def _sensor(told: dict[str, Any]) -> Sensor:
+def _sensor(told: dict[str, Any], where: str) -> Sensor:
     kind, kinds = told.pop("kind", None), sensor_kinds()
     if kind not in kinds:
         raise ValueError(f"unknown kind of sensor {kind!r}, there are: {', '.join(sorted(kinds))}")
-    sensor: Sensor = TypeAdapter(kinds[kind]).validate_python(told)
+    sensor: Sensor = _read(kinds[kind], told, where)
     return sensor
+
+
+def _read(kind: type, told: dict[str, Any], where: str) -> Any:
+    """A spec of what a description says at a place.
+
+    Raises:
+        ValueError: says what is wrong there and what is allowed.
+    """
+    try:
+        return _adapter(kind).validate_python(told)
+    except ValidationError as error:
+        raise ValueError(f"{where}.{complaint(error, _adapter(kind), told)}") from None
 
 
 def _add_grousers(rover: Rover, spec: GrouserSpec) -> Rover:

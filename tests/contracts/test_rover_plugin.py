@@ -109,6 +109,10 @@ def site(tmp_path_factory):
         "smelly.yaml": told % ("snifer", "base_link"),
         "handy.urdf": cart,
         "handy.yaml": told % ("sniffer", "arm"),
+        "wide.urdf": cart,
+        "wide.yaml": told % ("camera", "base_link, width: 64"),
+        "steep.urdf": cart,
+        "steep.yaml": "reading: {tilt_limit: 30}\n",
         "crooked.urdf": "<robot/>",
         "crooked.yaml": "wings: 2\n",
     }
@@ -190,10 +194,12 @@ def test_a_bare_urdf_is_a_rover_too(site):
 
 WRONG = {
     "tnak": "unknown rover 'tnak' (did you mean 'tank'?), known: cart, handy, morpheus,",
-    "{kind: tnak}": "a mapping whose kind is cart, handy, morpheus, skid4, smelly, tank or file",
+    "{kind: tnak}": "whose kind is cart, handy, morpheus, skid4, smelly, steep, tank, wide or file",
     "{kind: tank, dimensions: {wheelbase_m: 0.3}}": "must be more than two wheel radii",
     "{kind: tank, dimensions: {wheelbase: 0.3}}": "did you mean 'wheelbase_m'?",
     "smelly": "smelly.yaml: unknown kind of sensor 'snifer', there are: camera, imu,",
+    "wide": "wide.yaml: sensors[0].width: unknown key 'width'",
+    "steep": "steep.yaml: reading.tilt_limit: unknown key 'tilt_limit'",
     "handy": "handy.yaml: a sensor sits on 'arm', which is no link of the rover",
     "{kind: cart, dimensions: {wheelbase_m: 0.3}}": "unknown key 'dimensions'",
 }
