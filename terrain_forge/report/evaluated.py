@@ -83,7 +83,11 @@ def evaluate(
         progress=progress,
     )  # fmt: skip
     if (out / "world").is_dir() and dataset_folder(out).is_dir():
-        world = World.load(out)
+        try:
+            world = World.load(out)
+        except OutputError as error:  # no reason to lose what took hours: a recording tells all
+            _log.warning("evaluated, but the report page is not written anew: %s", error)
+            return results
         _score_own_maps(world, results, out, progress, force=force)
         progress("report page", 0.0)
         renew_report_page(world, out)

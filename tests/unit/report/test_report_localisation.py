@@ -17,6 +17,7 @@ from terrain_forge.evaluation import (
     paper_rows,
     read_errors,
 )
+from terrain_forge.report import evaluate
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.localisation import Localisation
@@ -124,3 +125,13 @@ def test_a_world_without_results_has_no_section(tmp_path):
         (block,) = Localisation().blocks(Built(worlds.world(), tmp_path))
         assert "cannot be shown" in block.text
         assert why in block.text
+
+
+def test_results_are_told_of_a_world_that_cannot_be_loaded(tmp_path, caplog):
+    """As where the package of one of its parts is gone."""
+    write_recording(tmp_path / "dataset")
+    (tmp_path / "world").mkdir()
+    command = f'{sys.executable} -c "{_COPY}" {{input}} {{output}}'
+    (result,) = evaluate(tmp_path, [Adapter(name="mine", command=command, frame="cam0")])
+    assert result.score is not None
+    assert "evaluated, but the report page is not written anew: " in caplog.text
