@@ -7,13 +7,16 @@ docs/recipe.md.
 
 from __future__ import annotations
 
+import ast
 import json
 import math
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
-from inspect import isfunction
+from inspect import cleandoc, getsource, isfunction
+from itertools import pairwise
+from textwrap import dedent
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -219,6 +222,16 @@ class Spec:
             if isfunction(method) and not name.startswith("_"):
                 setattr(cls, name, checked(method))
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Any:
+        schema = handler(core)
+        if "use_attribute_docstrings" in _CONFIG:  # which takes those of the class itself alone
+            keys = handler.resolve_ref_schema(schema).get("properties", {})
+            for name, text in _inherited_texts(cls).items():
+                if name in keys:
+                    keys[name].setdefault("description", text)
+        return schema
+
     def __getstate__(self) -> dict[str, Any]:
         return vars(self)
 
@@ -255,6 +268,20 @@ class Spec:
         for name, why, refused in self.idle():
             if refused and not self.is_default(name):
                 raise RecipeError(f"has no effect: {why}", key=(name,))
+
+
+def _inherited_texts(spec: type) -> dict[str, str]:
+    """The texts under the fields of a spec's bases, by the fields' names."""
+    found: dict[str, str] = {}
+    for base in spec.__mro__[1:]:
+        if "__dataclass_fields__" not in vars(base):
+            continue
+        with suppress(OSError, TypeError):  # one that is made in no file has none
+            (whole,) = ast.parse(dedent(getsource(base))).body
+            for field, text in pairwise(whole.body):  # type: ignore[attr-defined]
+                if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+                    found.setdefault(field.target.id, cleandoc(text.value.value))  # type: ignore
+    return found
 
 
 def type_adapter(spec: type[Any]) -> TypeAdapter[Any]:

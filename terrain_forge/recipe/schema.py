@@ -160,7 +160,7 @@ class Recipe(Spec):
     sun: SunSpec = field(default_factory=SunSpec)
     """The Sun: its place, or a date."""
     sky: SkySpec = field(default_factory=SkySpec)
-    """What is in the air."""
+    """The sky: what is in the air."""
     rover: RoverChoice = "morpheus"
     """The rover: a name (`morpheus`, `skid4`), or a mapping of its `kind` with what shall differ;
     `kind: file` brings your own URDF or MJCF."""

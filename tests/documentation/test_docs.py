@@ -102,3 +102,9 @@ def test_generated_pages_are_current():
 def test_citation_names_the_version():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {tf.__version__}\n" in text
+
+
+def test_every_key_has_a_meaning():
+    """Those of a part's bases too, such as a layer's mask; a kind may speak for itself."""
+    rows = re.findall(r"^\| `(\w+)` \|.*\|  \|$", (ROOT / "docs/recipe.md").read_text(), re.M)
+    assert set(rows) == {"kind"}
