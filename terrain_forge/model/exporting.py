@@ -19,6 +19,7 @@ from terrain_forge.base import (
     RecipeError,
     Spec,
     checked,
+    complaint,
     failure_words,
     hint_at,
     is_ours,
@@ -104,11 +105,16 @@ class Export:
         Raises:
             RecipeError: if the exporter is not installed, or no longer takes the options.
         """
+        from pydantic import ValidationError
+
         found = exporter(self.kind)
+        adapter = type_adapter(found.Options)
         try:
-            return found, type_adapter(found.Options).validate_json(json.dumps(self.options))
+            return found, adapter.validate_json(json.dumps(self.options))
         except ValueError as error:
-            why = " ".join(str(error).split())
+            why: object = " ".join(str(error).split())
+            if isinstance(error, ValidationError):
+                why = complaint(error, adapter, self.options)
             raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
 
 

@@ -33,7 +33,7 @@ def made_with() -> dict[str, str]:
 
 
 def packages_gone(directory: Path) -> str:
-    """Packages with parts for us that a built folder was made with and that are not installed here.
+    """Packages with parts for us that a built folder was made with, not installed in that version.
 
     In words, such as `dykes 0.1, terraces 1.0`; empty where its manifest tells of none.
     """
@@ -45,14 +45,14 @@ def packages_gone(directory: Path) -> str:
 
 
 def lacking(versions: Mapping[str, str]) -> str:
-    """Packages with parts for us, of those by whose versions something was made, not here."""
-    theirs = {*versions} - {"python", *_LIBRARIES}
-    return ", ".join(f"{name} {versions[name]}" for name in sorted(theirs) if not _is_here(name))
+    """Packages with parts for us of versions by which something was made that are not here."""
+    theirs = sorted({*versions} - {"python", *_LIBRARIES})
+    return ", ".join(f"{name} {versions[name]}" for name in theirs if _here(name) != versions[name])
 
 
-def _is_here(package: str) -> bool:
+def _here(package: str) -> str:
+    """The version of a package that is installed; empty if none is."""
     try:
-        version(package)
+        return version(package)
     except (PackageNotFoundError, ValueError, OSError):  # no name at all, or no metadata
-        return False
-    return True
+        return ""

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -143,9 +144,14 @@ def consumers(export: Export) -> list[tuple[Consumer, Any]]:
     try:
         module, options = export.opened()
     except RecipeError as error:
-        _log.warning("export %s is not read back: %s", export.folder, error)
+        _warn_once(export.folder, str(error))
         return []
     return [(consumer, options) for consumer in getattr(module, "CONSUMERS", ())]
+
+
+@cache
+def _warn_once(folder: str, why: str) -> None:
+    _log.warning("export %s is not read back: %s", folder, why)
 
 
 def read(

@@ -11,14 +11,14 @@ from types import ModuleType
 
 import pytest
 
-from terrain_forge.base import Stopwatch
+from terrain_forge.base import RecipeError, Stopwatch
 from terrain_forge.building import exports_in, write_export, write_files, write_manifest
 from terrain_forge.model import Export, ExportReport, Opening, exporter, plain_options
 from terrain_forge.recipe import ExportOrder, ValidateSpec
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.summary import Usage
 from terrain_forge.validation import BuiltFolder, Consumer, NotRun
-from terrain_forge.validation.suite import conformance, quick_checks
+from terrain_forge.validation.suite import conformance, consumers, quick_checks
 from tests.helpers.places import ROOT, parsed
 
 KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/writing.py"))
@@ -63,6 +63,15 @@ def test_the_manifest_tells_who_wrote_a_folder_and_how(small_world, tmp_path, ki
     (found,) = exports_in(manifest)
     assert found == export
     assert found.opened() == (module, options)
+
+
+def test_options_that_are_gone_are_told_in_our_words(caplog):
+    """As of another version of an exporter's package; once, though asked twice."""
+    export = Export(folder="glb", kind="glb", options={"draco": 1})
+    with pytest.raises(RecipeError, match="exporter 'glb' refuses its options: draco: unknown key"):
+        export.opened()
+    assert consumers(export) == consumers(export) == []
+    assert caplog.text.count("export glb is not read back: ") == 1
 
 
 def test_what_is_written_is_recorded_with_its_defaults(small_world, tmp_path):

@@ -192,6 +192,20 @@ def test_a_world_names_the_packages_that_are_gone(built, tmp_path, command):
     assert done.complaints[-1].endswith(f"; {GONE}, or build it anew")
 
 
+def test_a_world_names_the_version_that_is_not_here(installed, built, tmp_path):
+    """Where another one is, that no longer takes its recipe."""
+    out = shutil.copytree(built, tmp_path / "out")
+    for file in ("manifest.json", "world/world.json"):
+        text = (out / file).read_text()
+        (out / file).write_text(
+            text.replace('"example": "1', '"example": "0').replace("rise_m", "gone_m")
+        )
+    with fresh(installed):
+        done = run("validate", out)
+    assert done.returncode == 2, done.stderr
+    assert "; install example 0.0, with which it was built" in done.complaints[-1]
+
+
 def test_a_world_of_records_that_are_gone_names_their_packages(built, tmp_path):
     out = shutil.copytree(built, tmp_path / "out")
     world = out / "world" / "world.json"
