@@ -40,7 +40,7 @@ def with_difficulty(
         RecipeError: for a population whose cover cannot be chosen.
     """
     changed: dict[str, Any] = {}
-    for where, changes in _all_changes(plain, recipe, spec, level):
+    for where, changes in _all_changes(plain, recipe, spec, level, varied):
         keys = {(*where, *key.split(".")): value for key, value in changes.items()}
         if any(meet(key, other) for key in keys for other in varied):
             continue
@@ -61,14 +61,24 @@ def meet(one: Key, other: Key) -> bool:
 
 
 def _all_changes(
-    plain: dict[str, Any], recipe: Recipe, spec: DifficultySpec, level: float
+    plain: dict[str, Any],
+    recipe: Recipe,
+    spec: DifficultySpec,
+    level: float,
+    varied: Collection[Key],
 ) -> Iterator[tuple[Key, dict[str, Any]]]:
     """Where a difficulty changes something, and what, by keys there: all of them or none."""
     for n, population in enumerate(recipe.rocks.populations):
         if spec.rock_cover is not None:
             where = ("rocks", "populations", n, "size_frequency")
             cover = between(*spec.rock_cover, level, logarithmic=True)
-            yield where, _with_cover(population, cover, where)
+            try:
+                changes = _with_cover(population, cover, where)
+            except RecipeError:
+                if any(meet(where, other) for other in varied):
+                    continue
+                raise
+            yield where, changes
     for n, layer in enumerate(recipe.terrain.layers):
         yield ("terrain", "layers", n), _changes(plain["terrain"]["layers"][n], layer, spec, level)
 

@@ -68,6 +68,8 @@ def test_a_law_that_cannot_be_scaled_is_refused(tmp_path: Path) -> None:
         drawn(tmp_path, 0.5, law=law)
     assert told.value.key[:3] == ("rocks", "populations", 0)
     assert drawn(tmp_path, 0.5, law=law, difficulty={"rock_cover": None}).difficulty == 0.5
+    named = {"rocks.populations.0.size_frequency.file": {"choice": ["sizes.csv"]}}
+    assert drawn(tmp_path, 0.5, law=law, vary=named).difficulty == 0.5
 
 
 def test_the_difficulty_is_that_of_what_was_drawn(tmp_path: Path) -> None:
