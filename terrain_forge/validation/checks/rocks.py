@@ -154,9 +154,11 @@ class Resting(Inspection):
             rows = np.flatnonzero(static.prototype == number)
             foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
         limit = float(max(1, round(_LIMIT * len(static))))
+        note = f"of {len(static)}, by more than {_GAP:.0%} of the diameter"
+        if (hanging := float(np.count_nonzero(foot > _GAP))) > limit:
+            note += "; max_slope_deg keeps a population off ground that is too steep"
         return [
-            at_most("rocks: daylight beneath", float(np.count_nonzero(foot > _GAP)), limit,
-                    note=f"of {len(static)}, by more than {_GAP:.0%} of the diameter"),
+            at_most("rocks: daylight beneath", hanging, limit, note=note),
             at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,
                     note=f"of {len(static)}"),
         ]  # fmt: skip

@@ -86,7 +86,9 @@ def test_of_many_rocks_a_sample_is_looked_at():
     assert 1000 < counted.pop() < 6000
     assert resting_checks(many) == checks
     raised = many.replace(field=many.field.replace(position=many.field.position + UP))
-    assert not resting_checks(raised)[0].passed
+    assert not (daylight := resting_checks(raised)[0]).passed
+    assert "max_slope_deg" in daylight.note
+    assert "max_slope_deg" not in checks[0].note
     sunk = many.replace(field=many.field.replace(position=many.field.position - UP))
     assert not resting_checks(sunk)[1].passed
 
