@@ -56,7 +56,7 @@ def dtm_lines(recipe: Recipe, folder: Path) -> Iterator[str]:
         with reading(recipe.dtm.name, key=("dtm", "source")):
             raster = open_raster(at_hand(recipe.dtm, body=body), body=body, folder=folder)
             with raster.dataset:
-                lines = list(_lines(describe(raster)))
+                lines = list(_lines(describe(raster, destaired=recipe.dtm.destair)))
         yield f"DTM {recipe.dtm.name}"
         yield from lines
 

@@ -33,8 +33,11 @@ class Description:
     """What a user should know before building from it."""
 
 
-def describe(raster: Raster) -> Description:
-    """Say what an open raster is, where it lies, what its numbers mean, what is wrong with it."""
+def describe(raster: Raster, *, destaired: bool = False) -> Description:
+    """Say what an open raster is, where it lies, what its numbers mean, what is wrong with it.
+
+    Stairs that are smoothed, if `destaired`, are no wrong.
+    """
     dataset, band = raster.dataset, raster.band
     rows, columns = raster.shape
     steps = ground_steps(raster)
@@ -53,7 +56,8 @@ def describe(raster: Raster) -> Description:
     ]
     if raster.quantum is None and values.heights.size:
         facts.append(("planar fill", f"{100 * values.planar:.1f} % of the samples lie in planes"))
-    return Description(facts=tuple(facts), warnings=tuple(_warnings(raster, posting, values)))
+    warnings = _warnings(raster, posting, values, destaired)
+    return Description(facts=tuple(facts), warnings=tuple(warnings))
 
 
 _BURIED = 3.0
@@ -295,7 +299,7 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g}" if ratio < 10.0 else f"{ratio:.0f}"
 
 
-def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[str]:
+def _warnings(raster: Raster, posting: float | None, values: _Values, destaired: bool) -> list[str]:
     found = []
     if not values.heights.size:
         found.append(
@@ -322,10 +326,11 @@ def _warnings(raster: Raster, posting: float | None, values: _Values) -> list[st
     dtype = np.dtype(raster.dataset.dtypes[raster.band - 1])
     stairs = quantum is not None and (dtype.itemsize == 1 or quantum >= FELT)
     if quantum and stairs and raster.vertical.known and not coarse:
-        found.append(
-            f"{dtype}: heights come in stairs of {_metres(quantum)}, which a wheel feels; "
-            "dtm.destair smooths them"
-        )
+        if not destaired:
+            found.append(
+                f"{dtype}: heights come in stairs of {_metres(quantum)}, which a wheel feels; "
+                "dtm.destair smooths them"
+            )
         if quantum > _BURIED * values.difference > 0.0:
             found.append(
                 f"a step is {_times(quantum / values.difference)} times the RMS difference of "

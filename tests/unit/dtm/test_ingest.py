@@ -14,6 +14,7 @@ from rasterio.transform import Affine
 
 import terrain_forge as tf
 from terrain_forge.base import DataError, RecipeWarning
+from terrain_forge.building.checking import dtm_lines
 from terrain_forge.dtm import site_facts
 from terrain_forge.dtm.quality import assess, destair, farthest_filled, planar_posts
 from terrain_forge.dtm.spec import Centre
@@ -231,6 +232,12 @@ def test_stairs_go_and_samples_stay_within_half_a_step(tmp_path):
     assert (step_after < 0.01 * quantum).mean() < 0.2 * (step_before < 0.01 * quantum).mean()
     assert "half a step" in site.dtm.repairs[0]
     assert "destair" in words(tmp_path)
+    smoothed = tf.Recipe(
+        name="x", body="mars", dtm=replace(SPEC, destair=True),
+        terrain=tf.TerrainSpec(spacing_m=1.0),
+    )  # fmt: skip
+    assert "smooths them" in words(tmp_path)
+    assert "smooths them" not in " ".join(dtm_lines(smoothed, tmp_path))
 
 
 def test_destairing_brings_the_truth_nearer():
