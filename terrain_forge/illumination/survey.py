@@ -124,7 +124,7 @@ def illuminate(
     """
     watch, out = Stopwatch(progress), resolved(out)
     removed = told_files(out, require_ours(out, force=force, holds=HOLDS))
-    place = place_of(site, key=("sun", "time"))
+    place = place_of(site, key=("dtm",))
     begin = _begin(site, wish, place)
     end = _time("--to", wish.end) if wish.end else begin + solar_day(place[0])
     step = _length(wish.step) if wish.step else (end - begin) / _STEPS

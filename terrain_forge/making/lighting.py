@@ -110,13 +110,15 @@ def place_of(site: Site, *, key: tuple[str | int, ...]) -> tuple[Ephemeris, tupl
     Raises:
         RecipeError: where the body has no orbit, or nobody knows where on it the site lies.
     """
-    give = "give sun.azimuth_deg and sun.elevation_deg instead"
+    angles = "sun.azimuth_deg and sun.elevation_deg" if key[:1] == ("sun",) else ""
     if (ephemeris := site.body.ephemeris) is None:
-        raise RecipeError(f"{site.body.name} has no ephemeris that tells the Sun: {give}", key=key)
+        give = f": give {angles} instead" if angles else ""
+        raise RecipeError(f"{site.body.name} has no ephemeris that tells the Sun{give}", key=key)
     if site.lonlat is None:
         raise RecipeError(
             f"nobody knows where on {site.body.name} the site lies, so no date tells the Sun's "
-            f"place: {give}, or a DTM with coordinates",
+            "place: give a DTM with coordinates, or dtm.lonlat_deg of a flat site"
+            + (f", or {angles} instead" if angles else ""),
             key=key,
         )
     lon, lat = site.lonlat

@@ -221,6 +221,14 @@ def test_what_cannot_be_found_is_refused(pole, tmp_path, wish, error, told):
     assert not [*tmp_path.iterdir()]
 
 
+def test_light_over_a_period_needs_a_place(tmp_path):
+    dtm = tf.FlatDtm(size_m=(4.0, 4.0))
+    site = plan(tf.Recipe(name="x", body="mars", dtm=dtm, terrain=tf.TerrainSpec(spacing_m=0.5)))
+    with pytest.raises(RecipeError, match=r"dtm\.lonlat_deg of a flat site$") as error:
+        illuminate(site, Source(dtm=dtm, folder=tmp_path), tmp_path, Wish(begin="2030-01-01"))
+    assert error.value.key == ("dtm",)
+
+
 @pytest.mark.parametrize(
     "wish",
     [{"height": np.nan}, {"height": -1.0}, {"reach": np.inf}, {"spacing": 0.0}, {"spacing": np.nan},
