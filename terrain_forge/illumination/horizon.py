@@ -19,6 +19,9 @@ LOWEST = -20.0
 """Slope that no horizon is below."""
 _NUDGE = 1e-7
 """Part of a cell by which a ray is over a border."""
+_BESIDE = 1e-2
+"""Part of a cell right beside a point that hides nothing: on a node, but for a hair, the face that
+the point is on would else stand for the horizon behind the node."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +151,7 @@ def _sweep(begin, end, points, towards, z, tops, levels, corner, spacing, starts
                     s = ((y0 - j) - (x0 - i)) / (dx - dy)
                     if not t < s < leave:
                         continue
-                if s < 1e-6:
+                if s < _BESIDE:
                     continue
                 u = min(max(x0 + s * dx - i, 0.0), 1.0)
                 v = min(max(y0 + s * dy - j, 0.0), 1.0)

@@ -69,6 +69,18 @@ def test_grids_within_grids_are_one_horizon():
         assert nested == pytest.approx(alone, abs=1e-9)
 
 
+@pytest.mark.parametrize("off", [-1e-3, 0.0, 1e-3])
+def test_a_point_beside_a_node_has_the_horizon_of_the_node(off):
+    ridge = 10.0 - np.abs(np.arange(9.0) - 4.0)
+    ground = Heightfield(
+        elevation=np.tile(ridge, (9, 1)).astype(np.float32), spacing=1.0, origin=(0.0, 0.0)
+    )
+    point = np.array([[4.0 + off, 4.0, float(ground.height_at(4.0 + off, 4.0))]])
+    for azimuth in (0.5 * np.pi, 1.5 * np.pi):
+        slope = horizon_slopes((Relief.of(ground),), point, azimuth)[0]
+        assert slope == pytest.approx(-1.0, abs=2e-3)
+
+
 def test_a_hole_hides_nothing():
     z = np.zeros((9, 9), np.float32)
     z[4, 6], z[4, 7] = 10.0, -1e9
