@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ _METRES = {
     **dict.fromkeys(("ft", "foot", "feet", "international foot"), 0.3048),
     **dict.fromkeys(("us survey foot", "us survey feet", "ftus"), 1200.0 / 3937.0),
 }
+_NO_UNIT = "N/A", "NULL", "UNK", "NONE"
 _SENTINELS = (-9999.0, -99999.0, -32768.0, -32767.0, 32767.0, 65535.0, 9999.0, 99999.0)
 _FEWEST_LEVELS, _REPEATED, _OFF_LEVEL, _COARSER = 3, 0.25, 0.1, 16.0
 _DOUBLE = np.dtype(np.float64)
@@ -62,6 +64,19 @@ def metres_of(unit: str) -> float | None:
     return _METRES.get(unit.strip(" <>").lower())
 
 
+def unit_of(dataset: Any, band: int) -> str:
+    """The unit that a raster declares of a band, counted from 0; empty where it declares none.
+
+    Of a PDS3 label GDAL passes on scale and offset alone.
+    """
+    if dataset.units[band] or "json:PDS" not in dataset.tag_namespaces():
+        return dataset.units[band] or ""
+    *_, image = "".join(dataset.tags(ns="json:PDS").values()).partition('"IMAGE":')
+    found = re.search(r'"UNIT":\s*"([^"]*)"', image)
+    unit = found[1].replace("\\", "").strip("' ") if found else ""
+    return "" if unit in _NO_UNIT else unit
+
+
 def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Vertical:
     """Scale, offset and unit of a raster's band, of the file or, where it tells, of the recipe.
 
@@ -80,7 +95,7 @@ def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Ve
     """
     band = spec.band - 1
     dtype = np.dtype(dataset.dtypes[band])
-    unit, sample = dataset.units[band] or "", _sample(dataset, spec)
+    unit, sample = unit_of(dataset, band), _sample(dataset, spec)
     typical = float(np.median(sample)) if sample.size else 0.0
     if spec.height_range_m is not None:
         low, high = _range(spec, dtype)
@@ -199,7 +214,7 @@ def _kilometres(typical: float, dataset: Any, spec: RasterDtm, body: Body) -> fl
     """1000 if the numbers, of no unit, lie around the body's radius in kilometres; else 1."""
     band = spec.band - 1
     value = typical * dataset.scales[band] + dataset.offsets[band]
-    known = any((spec.height_scale, spec.height_offset_m, dataset.units[band]))
+    known = any((spec.height_scale, spec.height_offset_m, unit_of(dataset, band)))
     return 1000.0 if not known and _around(1000.0 * value, body) else 1.0
 
 

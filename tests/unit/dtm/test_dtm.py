@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from shutil import copyfile
 
 import numpy as np
 import pytest
@@ -340,6 +341,36 @@ def test_pds3_sample_with_detached_label():
     assert site.datum_height == pytest.approx(-1930.0, abs=30.0)  # Tranquillity Base, LOLA
     with pytest.raises(DataError, match=r"name lola_ldem16_tranquillitatis.LBL"):
         look(replace(spec, source="lola_ldem16_tranquillitatis.IMG"), samples, body=MOON)
+
+
+@pytest.mark.parametrize(
+    ("changes", "values"),
+    [
+        (
+            {},
+            "radius: value × 0.5 + 1737400 m from the body's centre; heights are taken above 1737",
+        ),
+        (
+            {"= 0.5": "= 0.0005", "= 1737400.": "= 1737.4", "= METER": "= KILOMETER"},
+            "value × 0.5 +",
+        ),
+        ({"= METER": "= DEGREE"}, "'DEGREE'"),
+        ({"= METER": "= 'N/A'"}, "the file declares no unit: metres are assumed"),
+    ],
+)
+def test_the_unit_of_a_pds3_label_counts(changes, values, tmp_path):
+    name = "lola_ldem16_tranquillitatis"
+    label = (SAMPLES / f"{name}.LBL").read_bytes().decode("latin-1")
+    for old, new in changes.items():
+        label = label.replace(old, new)
+    (tmp_path / f"{name}.LBL").write_bytes(label.encode("latin-1"))
+    copyfile(SAMPLES / f"{name}.IMG", tmp_path / f"{name}.IMG")
+    spec = RasterDtm(source=f"{name}.LBL", size_m=(1.0, 1.0))
+    with (raster := open_raster(spec, body=MOON, folder=tmp_path)).dataset:
+        found = describe(raster)
+    text = " ".join([value for _, value in found.facts] + list(found.warnings))
+    assert values in text
+    assert ("assumed" in text) == ("assumed" in values)
 
 
 @needs_data
