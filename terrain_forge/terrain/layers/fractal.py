@@ -37,7 +37,7 @@ _STAGE = "terrain/fractal"
 _DRAWN_OUT = 4.0  # length over width of noise with a direction
 # RMS slope of detail over one spacing: of loose ground, of the tangent of its angle of repose, and
 # of crags, as their faces are rough where their law would stand on needles.
-_RESTING, _CRAG = 0.5, 0.65
+_RESTING, _CRAG = 0.5, 1.0
 _STEEPEST_DEG = 80.0
 _FEWEST_BASELINES = 4.0  # in a longest wavelength, so that longer ones are planes over it
 
@@ -236,7 +236,7 @@ class Fractal(Layer):
 
         Where loose ground would not rest it is less: the RMS slope over one spacing is at most half
         the tangent of the angle of repose, which one place in forty then exceeds. Ground as steep
-        at the DTM's own posting is rock, and of that it is at most 0.65.
+        at the DTM's own posting is rock, and of that it is at most 1.
         """
         found = site.roughness
         if not self._follows(site) or found.local is None or site.dtm is None:
