@@ -15,7 +15,7 @@ from terrain_forge.recording.formats import formats_of
 from terrain_forge.recording.rig import folder_names
 from terrain_forge.recording.setting import as_recorded, named_path
 from terrain_forge.rovers import MoreSensors
-from terrain_forge.sensors import Series, instrument_kinds, require_free
+from terrain_forge.sensors import Series, instrument_kinds, require_carried, require_free
 
 
 def require_recordable(recipe: Recipe, rover: Rover) -> None:
@@ -41,6 +41,9 @@ def require_recordable(recipe: Recipe, rover: Rover) -> None:
     places: dict[str, Key] = {}
     for number, sensor in enumerate(listed):
         places[sensor.name] = (*key, number)
+        if spec is not None:
+            with _at((*key, number, "link")):
+                require_carried(carried[sensor.name], rover)
         with _at((*key, number, "position_m")):
             require_free(carried[sensor.name], rover)
     if spec is not None and spec.motion == "drive":

@@ -17,7 +17,14 @@ from terrain_forge.recording.index import file_name, recorded_spans, require_tol
 from terrain_forge.recording.order import Order, Spans, joined, within
 from terrain_forge.recording.rig import Folder, folders_of
 from terrain_forge.recording.store import Store
-from terrain_forge.sensors import Frames, Series, Setting, check_mounts, instruments_of
+from terrain_forge.sensors import (
+    Frames,
+    Series,
+    Setting,
+    check_mounts,
+    instruments_of,
+    require_carried,
+)
 
 _MEASURED = "the bytes of a file for each of its streams"
 _AHEAD = 2
@@ -91,6 +98,8 @@ def work_of(setting: Setting, store: Store, *, spec: DatasetSpec, order: Order, 
     """
     rig = folders_of(instruments_of(setting), quick=spec.profile == "quick")
     chosen = order.chosen(rig, setting.world.rover.sensors)
+    for one in chosen:
+        require_carried(one.sensor, setting.world.rover)
     check_mounts(setting, [one.sensor for one in chosen if not one.is_table])
     for one in chosen:
         if isinstance(one.instrument, Series) and setting.motion.source == "drive":

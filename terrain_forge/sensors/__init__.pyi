@@ -20,6 +20,7 @@ from .motion import Motion as Motion
 from .motion import State as State
 from .motion import motion_of_path as motion_of_path
 from .mounts import check_mounts as check_mounts
+from .mounts import require_carried as require_carried
 from .mounts import require_free as require_free
 from .picture import Exposure as Exposure
 from .picture import take_exposure as take_exposure

@@ -48,6 +48,21 @@ def check_mounts(setting: Setting, sensors: Iterable[Sensor] | None = None) -> N
         _require_above(sensor, setting)
 
 
+def require_carried(sensor: Sensor, rover: Rover) -> None:
+    """Refuse a sensor on a wheel: no motion of a recording says how one moves that turns with it.
+
+    Raises:
+        RecipeError: says what to change.
+    """
+    link = sensor.seated.link
+    if any(wheel.link == link for wheel in rover.wheels):
+        raise RecipeError(
+            f"{sensor.name!r} sits on the wheel {link!r}, with which nothing is recorded: give it "
+            "another link",
+            key=("sensors",),
+        )
+
+
 def require_free(sensor: Sensor, rover: Rover) -> None:
     """Refuse a sensor that looks from within the rover at rest, or from below the level it is on.
 

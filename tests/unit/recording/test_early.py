@@ -157,6 +157,8 @@ _EYE = "{name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}"
          "rate_hz: 10}\n", "", r"7: paths: a recording needs a path .* the world has none"),
         ("sensors:\n- {name: eye, kind: camera, rate_hz: 5, position_m: [0.4, 0, 1]}\n"
          "- {name: imu, kind: imu}", "sensors: []", "9: sensors: a recording needs a sensor"),
+        ("name: imu, ", "name: imu, link: wheel_rear_left, ",
+         r"11: sensors\[1\].link: 'imu' sits on the wheel 'wheel_rear_left', with which"),
         ("[0.4, 0, 1]", "[0.4, 0, 0]", r"10: .*'eye' is at the level of the ground .*: raise it"),
         ("[0.4, 0, 1]", "[0.4, 0, -1]", r"10: .*'eye' is 1 m below the level of the ground"),
     ],
