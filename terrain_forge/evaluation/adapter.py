@@ -23,9 +23,9 @@ from terrain_forge.evaluation.program import Program
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
 SENSOR_PLACES = {
-    "left": "stereo pair", "right": "stereo pair", "lidar": "lidar",
+    "left": "stereo", "right": "stereo", "lidar": "lidar",
 }  # fmt: skip
-"""Places that stand for the folder of a sensor in a recording, and what must be there."""
+"""Places that stand for the folder of a sensor in a recording, and the need that has it."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 _KEPT = 2**24
 """Bytes of what a program printed or wrote that are kept."""
@@ -33,6 +33,8 @@ LOG = "output.txt"
 """Name of the file of what a program printed."""
 MAP = "map"
 """Name of a map that is kept, without its ending."""
+_STYLE = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
+"""What colours a terminal's text (ECMA-48's control sequences)."""
 _OWN = "own_s.txt"
 """Where a driver tells its own processor time."""
 _TOLD = 4
@@ -302,9 +304,15 @@ def _watched(
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
     if status := program.status:
         how = f"signal {-status}" if status < 0 else f"status {status}"
-        lines = _end_of(folder / LOG, 4000).decode(errors="replace").strip().splitlines()
-        return "failed", ": ".join([f"ended with {how}", *lines[-1:]]), used
+        return "failed", ": ".join([f"ended with {how}", *_last_words(folder / LOG)]), used
     return "done", "", used
+
+
+def _last_words(log: Path) -> list[str]:
+    """The last line that a program printed, as tables can hold it; none where it said nothing."""
+    text = _STYLE.sub("", _end_of(log, 4000).decode(errors="replace"))
+    lines = ("".join(filter(str.isprintable, line)).strip() for line in text.splitlines())
+    return [line for line in lines if line][-1:]
 
 
 def _end_of(path: Path, most: int) -> bytes:

@@ -439,6 +439,15 @@ def test_a_place_of_a_sensor_that_was_not_recorded_is_told(tmp_path, system):
     assert one.run.why == "low needs lidar, which was not recorded"
 
 
+def test_a_pair_that_was_not_recorded_is_told_once(dataset, system):
+    index = json.loads((dataset / "dataset.json").read_text())
+    index["streams"] = [one for one in index["streams"] if one["folder"] != "mav0/cam1"]
+    (dataset / "dataset.json").write_text(json.dumps(index))
+    two = find_system(system("two", "", frame="{left}", needs=["stereo"]))
+    (one,) = evaluate_recording(dataset, [two])
+    assert one.run.why == "two needs stereo, which was not recorded"
+
+
 def test_inputs_hold_what_their_systems_read_alone(dataset):
     rosbags = pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed")
     systems = with_binaries([], ["libviso2=/bin/true", "hdl-graph-slam=/bin/true"])
