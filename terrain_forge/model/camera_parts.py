@@ -42,7 +42,7 @@ class AutoExposure(Record, Spec):
     """By what the camera sees."""
     level: Annotated[float, Interval(ge=0.01, le=1)] = 0.6
     """What the brightest tenth of a picture begins at without the sky, as a part of the largest
-    value."""
+    value, before the lens darkens it towards the edge."""
     sky: Literal["held", "ignored"] = "held"
     """`held`: less than `level` where the brightest tenth of the whole picture would get white, as
     of cameras that meter all of it, whose ground gets dark towards the Sun; `ignored`: the sky may
