@@ -178,7 +178,7 @@ def recording_cost(
     return RecordingCost(
         length=length,
         frames=sum(
-            n
+            n * len(one.simple)
             for n, one in zip(counts, recorded, strict=True)
             if issubclass(kinds[one.kind], Frames)
         ),

@@ -53,6 +53,7 @@ def test_a_path_longer_than_a_frame_has_a_cost(told):
     assert "4 s, 2 measurements" in told(0.3)
     quick = told(6, "dataset: {", "dataset: {profile: quick, ")
     assert "4 s, 13 measurements" in quick  # every second one
+    assert "4 s, 4 measurements" in told(0.3, "kind: camera", "kind: stereo")  # of two cameras
 
 
 @pytest.mark.parametrize(
