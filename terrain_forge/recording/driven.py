@@ -156,7 +156,22 @@ def _moving_links(rover: Rover, log: DriveLog) -> dict[str, tuple[Array, Array]]
     return {
         name: (
             np.broadcast_to(place, (count, 3)),
-            np.unwrap(rpy_from_matrix(np.broadcast_to(turn, (count, 3, 3))), axis=0),
+            _going_on(rpy_from_matrix(np.broadcast_to(turn, (count, 3, 3)))),
         )
         for name, (place, turn) in frames.items()
     }
+
+
+def _going_on(rpy: Array) -> Array:
+    """The same turns without jumps, shape [looks, 3]; pitch goes on beyond 90° as a wheel does.
+
+    Each turn has two triples of angles; of both the one next to the look before is taken.
+    """
+    other = np.pi + rpy * np.array([1.0, -1.0, 1.0])
+
+    def apart(now: Array) -> Array:
+        steps = (now[1:] - rpy[:-1] + np.pi) % (2.0 * np.pi) - np.pi
+        return np.asarray((steps * steps).sum(axis=1))
+
+    over = np.cumsum(apart(other) < apart(rpy)) % 2 == 1
+    return np.unwrap(np.where(np.append(False, over)[:, None], other, rpy), axis=0)

@@ -75,6 +75,17 @@ def test_a_drive_stands_still_before_it_starts_and_its_links_move():
         assert np.trace(turn) == pytest.approx(1.0 + 2.0 * np.cos(0.2))
 
 
+def test_a_link_that_rolls_on_and_on_turns_evenly():
+    rover = morpheus()
+    log = log_of(rover, joints=1.5 * STEP * np.arange(4000)[:, None])
+    motion = motion_of_log(log, rover, path="a")
+    assert len(motion.links) == 3
+    for name, curve in motion.links:
+        (axis,) = (link.axis for link in rover.links if link.name == name)
+        rates = curve.at(np.linspace(0.1, 7.9, 2001)).rate
+        assert rates == pytest.approx(np.tile(1.5 * axis, (2001, 1)), abs=1e-4)
+
+
 def test_a_path_that_the_world_lacks_is_refused():
     with pytest.raises(RecipeError, match=r"no path is called 'ark' \(did you mean 'arc'\?\)"):
         motion_of_drive(worlds.world(rover=skid4()), "ark")
