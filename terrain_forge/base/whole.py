@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from terrain_forge.base.errors import OutputError
 from terrain_forge.base.threads import worker_threads
 
 _WRITERS = 8
@@ -17,8 +18,11 @@ def write_whole(path: Path, text: str) -> Path:
     A pipe or a link there is replaced, and not written to or through.
 
     Raises:
+        OutputError: if it is a folder.
         OSError: if the disk does not take it; the file is as it was.
     """
+    if path.is_dir() and not path.is_symlink():
+        raise OutputError(f"{path} is a folder, where a file goes: move it away")
     fresh = path.with_name(f".{path.name}-{os.getpid()}")
     fresh.unlink(missing_ok=True)  # a link, which would be followed
     try:
