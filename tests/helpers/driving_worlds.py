@@ -1,5 +1,8 @@
 """Small worlds to drive in, and the environment over them."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 import terrain_forge as tf
@@ -26,3 +29,12 @@ def recipe() -> tf.Recipe:
 
 def make(made, **given):
     return pytest.importorskip("gymnasium").make(ID, worlds=made.directory, distance_m=3.0, **given)
+
+
+def mix_up_shapes(world: Path) -> None:
+    """Give the rocks of a built world shapes that its library has not, as another world's may."""
+    file = world / "world" / "arrays.npz"
+    with np.load(file) as archive:
+        arrays = dict(archive)
+    arrays["world/field/prototype"] += 50
+    np.savez(file, **arrays)

@@ -12,7 +12,7 @@ import pytest
 
 import terrain_forge as tf
 from terrain_forge.variation import name_of, read_summary
-from tests.helpers.driving_worlds import ID, make
+from tests.helpers.driving_worlds import ID, make, mix_up_shapes
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
@@ -337,6 +337,17 @@ def test_a_world_whose_scene_is_gone_is_named(made, tmp_path):
     env = gymnasium.make(ID, worlds=out, distance_m=3.0)
     with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not whole, make it again: MuJoCo"):
         env.reset(options={"world": 1})
+
+
+def test_damaged_arrays_of_a_world_are_named(made, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(made.directory, out)
+    mix_up_shapes(out / name_of(1))
+    text = rf"{name_of(1)}/world/arrays.npz is not as it was built: "
+    with pytest.raises(tf.OutputError, match=text):
+        gymnasium.make(ID, worlds=out, distance_m=3.0).reset(options={"world": 1})
+    with pytest.raises(tf.OutputError, match=text):
+        learning.Grounds.of(out)
 
 
 def test_the_goal_is_not_where_the_rover_is(made):
