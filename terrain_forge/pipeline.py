@@ -7,7 +7,6 @@ recipe ─plan─► Site (+ Routes) ─realise(window)─► World: library ►
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -443,11 +442,10 @@ def record(
         from terrain_forge.report import renew_report_page
 
         out = resolved(out)
-        with building.blaming_found(place) if place else nullcontext():
-            recorded = recording.record_dataset(world, out, spec, order, watch)
-            if out == place:
-                watch("report page")
-                renew_report_page(world, out, force=force)
+        recorded = recording.record_dataset(world, out, spec, order, watch)
+        if out == place:
+            watch("report page")
+            renew_report_page(world, out, force=force)
         return recorded
 
 

@@ -76,6 +76,7 @@ from .records import Record as Record
 from .records import Rows as Rows
 from .records import from_plain as from_plain
 from .records import remembered as remembered
+from .records import require_indices as require_indices
 from .records import shaped as shaped
 from .records import to_plain as to_plain
 from .records import unchanging as unchanging

@@ -42,6 +42,16 @@ def shaped(*shape: int | str, dtype: Any = np.float64, **more: Any) -> dict[str,
     return {"dtype": dtype, "shape": shape, **more}
 
 
+def require_indices(indices: NDArray[Any], count: int, what: str) -> None:
+    """Refuse numbers of what there is not: compiled code would read beyond its arrays.
+
+    Raises:
+        ValueError: with what the numbers are, such as "a rock's shape".
+    """
+    if indices.size and not (0 <= indices.min() and indices.max() < count):
+        raise ValueError(f"{what} is numbered {indices.min()} to {indices.max()}, of {count}")
+
+
 class RecordError(DataError, ValueError):
     """Ours for a user, and for pydantic, which makes sensors, one of a value."""
 

@@ -13,7 +13,6 @@ from .manifest import STAGING as STAGING
 from .manifest import FolderState as FolderState
 from .manifest import altered_files as altered_files
 from .manifest import blaming as blaming
-from .manifest import blaming_found as blaming_found
 from .manifest import exports_in as exports_in
 from .manifest import folder_state as folder_state
 from .manifest import foreign_files as foreign_files

@@ -257,22 +257,6 @@ def blaming(directory: Path, altered: Collection[str]) -> Iterator[None]:
         raise OutputError(f"{directory / name} is not as it was built: {why[:300]}") from error
 
 
-@contextmanager
-def blaming_found(directory: Path) -> Iterator[None]:
-    """The same of a world whose files nobody has looked at; they are, once one cannot be read.
-
-    Raises:
-        OutputError: in place of any error that is not ours nor the disk's, if a file is altered.
-    """
-    try:
-        yield
-    except TerrainForgeError:
-        raise
-    except Exception:
-        with blaming(directory, altered_files(directory, read_manifest(directory))):
-            raise
-
-
 def all_files(directory: Path) -> list[str]:
     """Files, links and empty folders (with a slash) of a folder; staging folders apart."""
     found = []

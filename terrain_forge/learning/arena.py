@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask, OutputError, load_model, quaternion_from_rpy
-from terrain_forge.building import blaming_found, exports_in, read_manifest
+from terrain_forge.building import exports_in, read_manifest
 from terrain_forge.model import Rover, World
 from terrain_forge.paths import IMPASSABLE, stand
 from terrain_forge.truth import rate_world, rock_rasters
@@ -145,8 +145,7 @@ def load_arena(folder: Path) -> Arena:
         OutputError: if the folder holds no such world, or not all of it, or its rover has no
             wheels.
     """
-    with blaming_found(folder):
-        loaded = _load(folder)
+    loaded = _load(folder)
     return replace(loaded, data=mujoco.MjData(loaded.model))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from terrain_forge.base import DataError, OutputError, checked, require_alike, require_kind
-from terrain_forge.building import blaming_found
 from terrain_forge.learning.requests import folders_of
 from terrain_forge.model import World
 from terrain_forge.truth import rock_rasters
@@ -66,14 +64,13 @@ class Grounds:
             worlds = folders_of(Path(worlds), None)
         elif isinstance(worlds, World | Path | str):
             worlds = (worlds,)
-        given = tuple(worlds)
-        loaded = [_world(one) for one in given]
+        loaded = [_world(one) for one in worlds]
         if not loaded:
             raise OutputError("no worlds: give some, or the folders in which they were built")
         kinds = {(one.ground.shape, one.ground.spacing, one.ground.origin) for one in loaded}
         if len(kinds) != 1:
             raise OutputError(f"worlds of one size and spacing, found {len(kinds)} different ones")
-        rasters = [_rasters(one, world) for one, world in zip(given, loaded, strict=True)]
+        rasters = [rock_rasters(one) for one in loaded]
         ground = loaded[0].ground
         return Grounds(
             elevation=np.stack([one.ground.elevation for one in loaded]),
@@ -201,12 +198,6 @@ def _world(one: Any) -> World:
     if not isinstance(one, Path | str):
         raise DataError(f"a world or its folder is wanted, found a {type(one).__name__}")
     return World.load(one)
-
-
-def _rasters(one: Any, world: World) -> tuple[Any, Any]:
-    """Top and rock ids of a world at its nodes; `one` is the world too, or its folder."""
-    with nullcontext() if isinstance(one, World) else blaming_found(Path(one)):
-        return rock_rasters(world)
 
 
 def _is_foreign(values: Any) -> bool:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Record, shaped
+from terrain_forge.base import Array, Record, require_indices, shaped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,6 +20,10 @@ class Mesh(Record):
     """Positions [m], shape [vertices, 3]."""
     faces: NDArray[np.int32] = field(metadata=shaped("faces", 3, dtype=np.int32))
     """Corner indices, counter-clockwise seen from outside, shape [faces, 3]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_indices(self.faces, len(self.vertices), "a face's vertex")
 
     @cached_property
     def is_closed(self) -> bool:

@@ -20,6 +20,7 @@ from terrain_forge.base import (
     from_plain,
     read_arrays,
     read_text,
+    require_indices,
     to_plain,
 )
 from terrain_forge.model.appearance import Appearance, Lighting
@@ -90,6 +91,9 @@ class World(Record):
         ):
             if shape != nodes:
                 raise ValueError(f"World: {what} has nodes of shape {shape}, its window {nodes}")
+        for rocks in (self.field, self.neighbours):
+            require_indices(rocks.population, len(rocks.populations), "a rock's population")
+            require_indices(rocks.prototype, len(self.library.prototypes), "a rock's shape")
 
     @property
     def sun_diameter(self) -> float:
