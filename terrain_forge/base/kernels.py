@@ -24,8 +24,8 @@ from terrain_forge.base.errors import StorageError
 from terrain_forge.base.threads import hold_interrupts, worker_threads
 
 _CHUNKS_PER_THREAD = 4
-_TRIED = 32  # of so many parts one is done alone, to see what the others cost
-_WORTH_THREADS = 1e-3  # work that pays for starting threads [s]
+_TRIED = 1024  # of so many parts one is done alone, then as many again as are done …
+_ALONE = 3e-4  # … for so long [s]: if work is left then, it pays for starting threads
 
 # Numba builds entries from C and from Python for each function unless told not to.
 _NOT_FROM_C: dict[str, Any] = {"no_cfunc_wrapper": True}
@@ -72,16 +72,16 @@ def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
         arguments: Passed on, arrays to be written among them.
     """
     threads = get_num_threads()
-    tried = -(-count // _TRIED) if threads > 1 else count
+    done, last = 0, -(-count // _TRIED) if threads > 1 else count
     with hold_interrupts():  # it may be compiled
         begin = perf_counter()
-        part(0, tried, *arguments)
-        seconds = perf_counter() - begin
-    if seconds * (count - tried) <= _WORTH_THREADS * tried:
-        part(tried, count, *arguments)
+        while done < count and perf_counter() - begin < _ALONE:
+            part(done, last, *arguments)
+            done, last = last, min(2 * last, count)
+    if done == count:
         return
-    chunks = min(count - tried, threads * _CHUNKS_PER_THREAD)
-    borders = np.linspace(tried, count, chunks + 1).astype(int).tolist()
+    chunks = min(count - done, threads * _CHUNKS_PER_THREAD)
+    borders = np.linspace(done, count, chunks + 1).astype(int).tolist()
     with worker_threads(threads) as pool:
         list(pool.map(lambda border: part(*border, *arguments), pairwise(borders)))
 

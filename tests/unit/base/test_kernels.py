@@ -1,13 +1,19 @@
-"""Where compiled kernels are kept."""
+"""Where compiled kernels are kept, and how they run side by side."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba import get_num_threads
+
+from terrain_forge.base import over_chunks
 
 
 def _run(temporary: Path, code: str) -> subprocess.CompletedProcess[str]:
@@ -36,3 +42,29 @@ def test_kernels_that_others_may_have_written_are_not_run(tmp_path: Path, mode: 
     (tmp_path / f"terrain-forge-kernels-{os.getuid()}").chmod(mode)
     found = _run(tmp_path, "import terrain_forge.base.kernels")
     assert "is not yours alone): name one in NUMBA_CACHE_DIR" in found.stderr
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 33, 5000])
+def test_parts_are_all_of_it_once(count: int) -> None:
+    done = np.zeros(count, np.int64)
+
+    def part(first: int, last: int) -> None:
+        done[first:last] += 1
+        time.sleep(1e-4)
+
+    over_chunks(part, count)
+    assert (done == 1).all()
+
+
+@pytest.mark.skipif(get_num_threads() == 1, reason="there is one thread")
+def test_work_that_begins_light_is_shared_too() -> None:
+    """As a picture that begins with sky."""
+    threads = set()
+
+    def part(first: int, last: int) -> None:
+        threads.add(threading.current_thread())
+        if last > 40:
+            time.sleep(1e-3 * (last - max(first, 40)))
+
+    over_chunks(part, 200)
+    assert threads - {threading.current_thread()}
