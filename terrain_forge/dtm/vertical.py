@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
+from json import JSONDecoder
 from typing import Any
 
 import numpy as np
@@ -71,10 +71,10 @@ def unit_of(dataset: Any, band: int) -> str:
     """
     if dataset.units[band] or "json:PDS" not in dataset.tag_namespaces():
         return dataset.units[band] or ""
-    *_, image = "".join(dataset.tags(ns="json:PDS").values()).partition('"IMAGE":')
-    found = re.search(r'"UNIT":\s*"([^"]*)"', image)
-    unit = found[1].replace("\\", "").strip("' ") if found else ""
-    return "" if unit in _NO_UNIT else unit
+    *_, text = "".join(dataset.tags(ns="json:PDS").values()).partition('"IMAGE":')
+    image, _ = JSONDecoder().raw_decode(text.strip() or "{}")  # what follows is of other objects
+    unit = str(image.get("UNIT", "") if isinstance(image, dict) else "").strip("' ")
+    return "" if unit.upper() in _NO_UNIT else unit
 
 
 def read_vertical(dataset: Any, spec: RasterDtm, datum: float, body: Body) -> Vertical:

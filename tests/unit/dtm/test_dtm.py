@@ -356,12 +356,20 @@ def test_pds3_sample_with_detached_label():
         ),
         ({"= METER": "= DEGREE"}, "'DEGREE'"),
         ({"= METER": "= 'N/A'"}, "the file declares no unit: metres are assumed"),
+        (
+            {
+                "UNIT                  = METER": "NOTE = none",
+                "\nEND\r": "\nOBJECT = COLUMN\r\nUNIT = DEGREE\r\nEND_OBJECT = COLUMN\r\nEND\r",
+            },
+            "the file declares no unit: metres are assumed",
+        ),
     ],
 )
 def test_the_unit_of_a_pds3_label_counts(changes, values, tmp_path):
     name = "lola_ldem16_tranquillitatis"
     label = (SAMPLES / f"{name}.LBL").read_bytes().decode("latin-1")
     for old, new in changes.items():
+        assert old in label
         label = label.replace(old, new)
     (tmp_path / f"{name}.LBL").write_bytes(label.encode("latin-1"))
     copyfile(SAMPLES / f"{name}.IMG", tmp_path / f"{name}.IMG")
