@@ -44,9 +44,10 @@ def write_starter(directory: Path, name: str = "hello") -> Path:
     name = name.removesuffix(".yaml")
     if name not in starters():
         raise RecipeError(f"no recipe is called {name!r}, there are: {', '.join(starters())}")
-    stem, ending = directory.stem, directory.suffix.lower()
-    if not directory.is_dir() and (ending in (".yaml", ".yml") or stem in {*starters()} - {name}):
-        wanted = stem if stem in starters() else name
+    called = re.sub(r"\.ya?ml$", "", directory.name, flags=re.IGNORECASE)
+    odd = called != directory.name or called in {*starters()} - {name}
+    if odd and not directory.is_dir():
+        wanted = called if called in starters() else name
         raise RecipeError(
             f"{directory} is called like a recipe: name a folder, or --recipe {wanted}"
         )

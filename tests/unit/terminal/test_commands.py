@@ -179,6 +179,10 @@ def test_init_takes_no_recipe_for_a_folder(given, wanted, tmp_path):
     assert not (tmp_path / given).exists()
 
 
+def test_init_takes_a_folder_that_is_called_almost_like_a_recipe(tmp_path):
+    assert run("init", tmp_path / "moon_mare.v2").returncode == 0
+
+
 def raster(path, driver):
     with rasterio.open(path, "w", driver, 4, 4, 1, dtype="float32") as file:
         file.write(np.ones((1, 4, 4), np.float32))
