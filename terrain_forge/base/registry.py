@@ -17,7 +17,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext, redirect_stdout
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from functools import cache
 from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
@@ -167,7 +167,8 @@ def _return_to(folder: str) -> bool:
     """Go back to a folder; whether we were elsewhere."""
     if not folder or _current() == folder:
         return False
-    os.chdir(folder)
+    with suppress(OSError):  # it may be gone
+        os.chdir(folder)
     return True
 
 

@@ -9,7 +9,7 @@ from typing import get_args
 import click
 import pytest
 
-from terrain_forge.base import PluginError, RecipeError, parts, registry, returning
+from terrain_forge.base import PluginError, RecipeError, parts, registry, returning, staying
 from terrain_forge.datasets import dataset_kinds
 from terrain_forge.datasets.writer import RESERVED
 from terrain_forge.model import sensor_kinds
@@ -200,3 +200,10 @@ def test_an_error_of_a_plugin_names_it(plugged, capsys):
     broken = click.Command("build", callback=lambda: foreign.ours(lambda: shortening("a", 1.0)))
     assert run_command(broken, []) == 3
     assert "internal error, please report it" in capsys.readouterr().err
+
+
+def test_who_removes_the_current_folder_is_told(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with pytest.raises(PluginError, match="a layer changed the current folder"), staying("a layer"):
+        (tmp_path / "here").rmdir()
