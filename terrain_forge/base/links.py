@@ -43,9 +43,9 @@ def is_inside(name: str) -> bool:
 
 
 def first_odd(folder: Path) -> str:
-    """The first in a folder that is no plain file or folder with a name in Unicode, in words.
+    """What first in a folder is no plain file or folder, or has no printable name, in words.
 
-    It is empty if there is none. A folder that is a link itself is called `.`, and not looked into.
+    Empty if there is none. A folder that is a link itself is called `.`, and not looked into.
     """
     if folder.is_symlink():
         return "the link ."

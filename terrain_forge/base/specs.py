@@ -278,9 +278,14 @@ def _inherited_texts(spec: type) -> dict[str, str]:
             continue
         with suppress(OSError, TypeError):  # one that is made in no file has none
             (whole,) = ast.parse(dedent(getsource(base))).body
-            for field, text in pairwise(whole.body):  # type: ignore[attr-defined]
-                if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-                    found.setdefault(field.target.id, cleandoc(text.value.value))  # type: ignore
+            assert isinstance(whole, ast.ClassDef)
+            for pair in pairwise(whole.body):
+                match pair:
+                    case (
+                        ast.AnnAssign(target=ast.Name(id=name)),
+                        ast.Expr(value=ast.Constant(value=str(text))),
+                    ):
+                        found.setdefault(name, cleandoc(text))
     return found
 
 

@@ -35,6 +35,6 @@ from .staging import replacing as replacing
 from .staging import updating as updating
 from .writing import BuildResult as BuildResult
 from .writing import exporter_words as exporter_words
-from .writing import require_no_link as require_no_link
+from .writing import require_plain as require_plain
 from .writing import write_export as write_export
 from .writing import write_files as write_files

@@ -139,7 +139,7 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
                 raise ValueError(f"found {odd[0]}, which is no file in its folder")
     except ExportError as error:
         raise ExportError(str(error), key=("exports", order.folder, *error.key)) from None
-    require_no_link(order.exporter, order.kind, folder)
+    require_plain(order.exporter, order.kind, folder)
     return Export(
         folder=order.folder,
         kind=order.kind,
@@ -148,11 +148,11 @@ def write_export(world: World, directory: Path, order: ExportOrder) -> Export:
     )
 
 
-def require_no_link(exporter: Exporter, kind: str, folder: Path) -> None:
-    """Refuse what an exporter has left in its folder that is another's.
+def require_plain(exporter: Exporter, kind: str, folder: Path) -> None:
+    """Refuse what an exporter has left in its folder that is no plain file or folder.
 
     Raises:
-        PluginError: names the link, or what is no file.
+        PluginError: names it.
     """
     if odd := first_odd(folder):
         raise PluginError(f"{exporter_words(exporter, kind)} left {odd} in its folder")

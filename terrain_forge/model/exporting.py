@@ -111,10 +111,8 @@ class Export:
         adapter = type_adapter(found.Options)
         try:
             return found, adapter.validate_json(json.dumps(self.options))
-        except ValueError as error:
-            why: object = " ".join(str(error).split())
-            if isinstance(error, ValidationError):
-                why = complaint(error, adapter, self.options)
+        except ValidationError as error:
+            why = complaint(error, adapter, self.options)
             raise RecipeError(f"exporter {self.kind!r} refuses its options: {why}") from None
 
 

@@ -33,7 +33,7 @@ def made_with() -> dict[str, str]:
 
 
 def packages_gone(directory: Path) -> str:
-    """Packages with parts for us that a built folder was made with, not installed in that version.
+    """Packages with parts for us that a built folder was made with, and that are not here as such.
 
     In words, such as `dykes 0.1, terraces 1.0`; empty where its manifest tells of none.
     """
@@ -45,7 +45,7 @@ def packages_gone(directory: Path) -> str:
 
 
 def lacking(versions: Mapping[str, str]) -> str:
-    """Packages with parts for us of versions by which something was made that are not here."""
+    """Packages with parts for us by which something was made, and that are not here as such."""
     theirs = sorted({*versions} - {"python", *_LIBRARIES})
     return ", ".join(f"{name} {versions[name]}" for name in theirs if _here(name) != versions[name])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from terrain_forge.base import PluginError, returning
-from terrain_forge.building import exporter_words, require_no_link
+from terrain_forge.building import exporter_words, require_plain
 from terrain_forge.model import Export, Exporter, Tile, TiledSite, TileGrid, World
 
 
@@ -69,7 +69,7 @@ def _within(export: Export, exporter: Exporter, folder: Path) -> Iterator[None]:
     """Refuse links that are left in an export's folder, and what is written beside it meanwhile."""
     before = {*folder.parent.iterdir()}
     yield
-    require_no_link(exporter, export.kind, folder)
+    require_plain(exporter, export.kind, folder)
     if odd := sorted({*folder.parent.iterdir()} - before):
         named = exporter_words(exporter, export.kind)
         raise PluginError(f"{named} wrote {odd[0].name} beside its folder")
