@@ -311,8 +311,8 @@ def _watched(
 def _last_words(log: Path) -> list[str]:
     """The last line that a program printed, as tables can hold it; none where it said nothing."""
     text = _STYLE.sub("", _end_of(log, 4000).decode(errors="replace"))
-    lines = ("".join(filter(str.isprintable, line)).strip() for line in text.splitlines())
-    return [line for line in lines if line][-1:]
+    plain = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
+    return [" ".join(line.split()) for line in plain if line.strip()][-1:]
 
 
 def _end_of(path: Path, most: int) -> bytes:

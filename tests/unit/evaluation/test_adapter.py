@@ -61,7 +61,7 @@ def test_it_may_choose_the_name_of_its_file_and_kittis_format(tmp_path):
 
 WRONG = {
     "print('no vocabulary'); sys.exit(3)": ("failed", "ended with status 3: no vocabulary"),
-    r"print('\x1b[31mno \x1b[1mvocabulary\x07\n\x1b[0m'); sys.exit(3)": (
+    r"print('\x1b[31mno\t\x1b[1mvocabulary\x07\n\x1b[0m'); sys.exit(3)": (
         "failed",
         "3: no vocabulary",
     ),
