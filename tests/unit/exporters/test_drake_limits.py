@@ -44,9 +44,9 @@ def test_too_many_triangles_of_merged_rocks_are_refused(small_world, tmp_path):
 def test_merged_rocks_are_as_coarse_as_the_parser_needs(small_world, monkeypatch):
     library = make_library(LibrarySpec(shapes=1))
     shape = library.prototypes[0].replace(outline_errors=(0.0, 0.02, 0.05))
-    alike = (shape,) * len(small_world.library.prototypes)
-    world = crowded(small_world, 900).replace(library=library.replace(prototypes=alike))
-    world = world.replace(field=world.field.replace(prototype=np.zeros(900, np.int32)))
+    crowd = crowded(small_world, 900)
+    alike = crowd.field.replace(prototype=np.zeros(900, np.int32))
+    world = crowd.replace(library=library.replace(prototypes=(shape,)), field=alike)
     merged = Options(individual_min_m=9)
     fine, coarse = (parsing_load(world, merged, error) for error in (COARSENESS[0], COARSENESS[-1]))
     assert fine.faces > 1.5 * coarse.faces
