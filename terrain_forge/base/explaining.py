@@ -41,7 +41,7 @@ class Complaint(NamedTuple):
     @property
     def rest(self) -> str:
         """That more is wrong, in brackets; empty if it is not."""
-        return f" (and {self.more} more)" if self.more else ""
+        return f" (and {self.more} more error{'s' * (self.more > 1)})" if self.more else ""
 
 
 def complaint(error: ValidationError, adapter: TypeAdapter[Any], data: Any) -> Complaint:

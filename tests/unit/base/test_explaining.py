@@ -31,16 +31,16 @@ WRONG = [
     ({"sensors": {"add": [LIDAR]}}, f"sensors.add[0]: {FAR}"),
     (LAYER, "terrain.layers[0]: craters need a production function, a file, or both"),
     ({"exports": 5, "dataset": {"fromats": 6}}, "dataset.fromats: unknown key 'fromats'"),
-    ({"exports": 5, "dataset": {"formats": 6}}, "mapping, found 5 (and 1 more)"),
+    ({"exports": 5, "dataset": {"formats": 6}}, "mapping, found 5 (and 1 more error)"),
     ({"dataset": {"formats": 5, "motoin": "path"}}, "dataset.motoin: unknown key 'motoin'"),
     (
         {"dataset": {"still_s": "x", "formats": [5]}},
-        'dataset.still_s: must be a valid number, found "x" (and 1 more)',
+        'dataset.still_s: must be a valid number, found "x" (and 1 more error)',
     ),
     ({"rover": {"kind": "file"}}, "rover.file: is missing"),
     (
         {"paths": [{"route": {"points_m": [[0, 0]]}}]},
-        "paths[0].name: is missing, and so is speed_m_s (and 1 more)",
+        "paths[0].name: is missing, and so is speed_m_s (and 1 more error)",
     ),
     ({"dtm": {"kind": "flat", "size_m": 80}}, "dtm.size_m: must be a list of 2, found 80"),
     ({"paths": 3}, "paths: must be a list, found 3"),
@@ -79,7 +79,7 @@ def test_all_that_is_wrong_is_counted():
         "unknown key 'sead' (did you mean 'seed'?), allowed: body, dataset"
     )
     assert told.more == 3
-    assert str(told) == f"sead: {told.words} (and 3 more)"
+    assert str(told) == f"sead: {told.words} (and 3 more errors)"
 
 
 @pytest.mark.parametrize(
