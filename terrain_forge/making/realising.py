@@ -36,6 +36,7 @@ from terrain_forge.rocks import (
     rock_margin,
     rocks_beyond,
     scatter,
+    unsupported,
 )
 from terrain_forge.rovers import rover_of
 from terrain_forge.scene import dust_on, soil_of, tints_of
@@ -66,7 +67,7 @@ def make_world(
     land = _lay_land(site, window, progress)
     library, scattered = land.library, land.scattered
     ground = land.part(window)
-    rocks = place_rocks(
+    placed = place_rocks(
         scattered.select(reaching(scattered, site=site, library=library, window=window)),
         site=site,
         library=library,
@@ -74,6 +75,12 @@ def make_world(
         bare=land.bare,
         settled=settled,
         progress=partial(progress, "rocks: settling the dynamic ones"),
+    )
+    fallen = unsupported(placed, library, land.ground)
+    fallen &= placed.population < len(site.recipe.rocks.populations)  # listed ones stay
+    rocks, missed = (
+        placed.select(~fallen),
+        placed.population[fallen & owned(placed, ground, site.bounds)],
     )
     own = owned(rocks, ground, site.bounds)
     laid = None
@@ -94,6 +101,7 @@ def make_world(
         rover=rover,
         lighting=light_of(site),
         unplaced=scattered.unplaced,
+        unsupported=tuple(np.bincount(missed, minlength=len(placed.populations)).tolist()),
         horizon=make_horizon(site, ground, appearance, library) if horizon else None,
     )
 

@@ -79,6 +79,9 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
+    unsupported: tuple[int, ...] = ()
+    """Rocks of each population in this window that are left out, since the ground falls away
+    beneath them however deep they are buried; none where it is empty."""
     horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing."""
 

@@ -24,6 +24,8 @@ from .embedding.embed import embed as embed
 from .embedding.outline import edges as edges
 from .embedding.outline import exposed_points as exposed_points
 from .embedding.outline import extent as extent
+from .embedding.support import DAYLIGHT as DAYLIGHT
+from .embedding.support import unsupported as unsupported
 from .feasibility import check_lists as check_lists
 from .feasibility import check_rocks as check_rocks
 from .feasibility import expected_count as expected_count

@@ -97,6 +97,8 @@ def tell_preview(world: World, picture: Path) -> None:
     more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
     unplaced = sum(world.unplaced)
     more += f"; {unplaced:,} found no place" * bool(unplaced)
+    unsupported = sum(world.unsupported)
+    more += f"; {unsupported:,} left out: the ground falls away beneath them" * bool(unsupported)
     say(f"{world.site.name}: nothing was exported")
     say(f"  rocks     {len(world.field):,}{more}")
     say(f"  slope     {np.degrees(np.arctan(rise.max())):.1f}° at its steepest, rocks apart")

@@ -25,6 +25,8 @@ from terrain_forge.truth.statistics import CONFIDENCE, SIGNIFICANCE, smirnov
 
 _POINTS, _FINER = 65, 8
 """Diameters of a curve, and classes between neighbours of them."""
+_MISSING = "unplaced", "unsupported"
+"""What is told of rocks that are not there."""
 Counts = dict[str, Any]
 
 
@@ -65,6 +67,7 @@ def _count(world: World, sample: Sample, spec: PopulationSpec) -> Counts:
         "dynamic": int(np.count_nonzero(field.dynamic)),
         "visual_only": int(np.count_nonzero(~field.collides)),
         "unplaced": sample.unplaced.get(spec.name, 0),
+        "unsupported": sample.unsupported.get(spec.name, 0),
     }
 
 
@@ -125,7 +128,7 @@ class _Sum:
     def add(self, found: Counts) -> None:
         self.classes += np.array(found["classes"], np.int64)
         self.cover += np.array(found["cover_m2"])
-        for name in ("number", "nodes", "dynamic", "visual_only", "unplaced"):
+        for name in ("number", "nodes", "dynamic", "visual_only", *_MISSING):
             self.whole[name] += found[name]
         for area, largest in found["parts"]:
             self._parts[largest] += area
@@ -157,14 +160,14 @@ class _Sum:
             **_compared(area, cell, [self]),
             "dynamic": self.whole["dynamic"],
             "visual_only": self.whole["visual_only"],
-            "unplaced": self.whole["unplaced"],
+            **{name: self.whole[name] for name in _MISSING},
         }
 
 
 def _together(sums: Sequence[_Sum], area: float, cell: float) -> dict[str, Any]:
     return {
         **_compared(area, cell, sums),
-        "unplaced": sum(one.whole["unplaced"] for one in sums),
+        **{name: sum(one.whole[name] for one in sums) for name in _MISSING},
     }
 
 

@@ -88,7 +88,9 @@ def size_frequency(
       deviation, and how many lie `deeper` than any was asked to, since the ground falls away under
       them; null where there are none;
     - `visual_only`: rocks that nothing touches;
-    - `unplaced`: rocks of the window that found no free place.
+    - `unplaced`: rocks of the window that found no free place;
+    - `unsupported`: rocks that are left out, since the ground falls away beneath them however deep
+      they are buried: the observed number is smaller by them.
 
     `lists` has the rocks that the user listed one by one, which no law describes, and how many more
     of them lie `in_corridors` or exclusion zones, where they are left; `overlaps` the
@@ -109,7 +111,11 @@ def size_frequency(
     together = None
     if populations:
         names = [spec.name for spec in populations]
-        together = {**_verification(sample, wanted, names), "unplaced": sum(world.unplaced)}
+        together = {
+            **_verification(sample, wanted, names),
+            "unplaced": sum(world.unplaced),
+            "unsupported": sum(world.unsupported),
+        }
     scattered, listed = find_overlaps(world, lists=[spec.name for spec in rocks.lists])
     return {
         "area_m2": sample.area,
@@ -158,6 +164,7 @@ def _population(sample: Sample, spec: PopulationSpec, wanted: ExpectedCounts) ->
         "burial": _burial(field.buried_fraction[~within], spec.buried_fraction),
         "visual_only": int(np.count_nonzero(~field.collides)),
         "unplaced": sample.unplaced.get(spec.name, 0),
+        "unsupported": sample.unsupported.get(spec.name, 0),
     }
 
 

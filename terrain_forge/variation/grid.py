@@ -274,6 +274,7 @@ def _assembled(
             rover=first.rover,
             lighting=first.lighting,
             unplaced=looks.unplaced,
+            unsupported=looks.unsupported,
         ),
         cells,
     )

@@ -28,6 +28,7 @@ class Mosaic:
         self._materials: dict[tuple[tuple[str, Any], ...], str] = {}
         self._rocks: dict[tuple[str, tuple[int, ...]], str] = {}
         self._unplaced: Counter[int] = Counter()
+        self._unsupported: Counter[int] = Counter()
 
     def add(self, world: World, place: tuple[slice, slice], margin: int) -> RockField:
         """Lay a world's looks at some nodes, its edges over a margin of nodes around it.
@@ -51,6 +52,7 @@ class Mosaic:
             for name, rgb in zip(world.field.populations, looks.rock_rgb.tolist(), strict=True)
         ]
         self._unplaced.update(dict(zip(numbers, world.unplaced, strict=True)))
+        self._unsupported.update(dict(zip(numbers, world.unsupported, strict=False)))
         return world.field.replace(population=np.array(numbers, np.int32)[world.field.population])
 
     @property
@@ -62,6 +64,11 @@ class Mosaic:
     def unplaced(self) -> tuple[int, ...]:
         """How many rocks of each found no place."""
         return tuple(self._unplaced[number] for number in range(len(self._rocks)))
+
+    @property
+    def unsupported(self) -> tuple[int, ...]:
+        """How many rocks of each are left out, since the ground does not hold them."""
+        return tuple(self._unsupported[number] for number in range(len(self._rocks)))
 
     def appearance(self, detail: GroundDetail | None) -> Appearance:
         """What all of it looks like."""

@@ -100,6 +100,7 @@ def _column(part: dict[str, Any], built: Built) -> dict[str, Shown]:
         "Drawn": _verdict(part, built),
         "Your counts": _fit(part.get("fit_to_counts")),
         "Unplaced": thousands(part["unplaced"]) if "unplaced" in part else "",
+        "Unsupported": thousands(part["unsupported"]) if part.get("unsupported") else "",
         "Expected cover": " ± ".join(known),
         "Observed cover": _percent(cover["observed"]),
         "z of the cover": signed(cover["z"]) if "z" in cover else "",

@@ -170,7 +170,7 @@ class _Feet(NamedTuple):
 
 
 def _feet(library: RockLibrary) -> _Feet:
-    feet = [_foot(prototype.meshes[0]) for prototype in library.prototypes]
+    feet = [foot_of(prototype.meshes[0]) for prototype in library.prototypes]
     longest, count = max(map(len, feet)), np.array([*map(len, feet)])
     points, elsewhere = np.zeros((len(feet), longest, 3)), np.zeros_like(count)
     for n, foot in enumerate(feet):
@@ -181,7 +181,7 @@ def _feet(library: RockLibrary) -> _Feet:
     return _Feet(points, elsewhere, count, reach)
 
 
-def _foot(mesh: Mesh) -> Array:
+def foot_of(mesh: Mesh) -> Array:
     """Where a rock's edges are at the height of its foot, all around it, shape [points, 3]."""
     vertices, ends = mesh.vertices, mesh.vertices[edges(mesh)]
     level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
@@ -253,19 +253,18 @@ def _embed_some(first, last, rocks, rows, shapes, grounds, deepest, lying):  # t
         if rocks.range[rock, 1] > rocks.range[rock, 0]:
             some = foot[: feet.elsewhere[p]]
             burial = _wanted(rocks, rock, exposure, some, bare, half_turn, ring)
-        size = diameter / upright_width(exposure, p, low + burial * span)
+        level = low + burial * span
+        size = diameter / exposed_width(exposure, p, axes, upright, level)
         for _ in range(_SINKINGS):  # the deeper a rock, the larger it must be, and its foot wider
             deepest_gap = _largest_gap(ground, feet.reach[p] * size, len(foot) // 4, x, y, plane)
             needed = low + FOOT * span + deepest_gap * upright / size
-            if needed > low + (burial - _SLACK) * span:
+            if needed > level - _SLACK * span:
                 needed = _covering(ground, foot, axes, size, x, y, plane, upright)
             deeper = min((needed - low) / span, deepest)
-            sinks = deeper > burial + _NEGLIGIBLE
-            burial = max(burial, deeper)
-            level = low + burial * span
-            size = diameter / exposed_width(exposure, p, axes, upright, level)
-            if not sinks:
+            if deeper <= burial + _NEGLIGIBLE:
                 break
+            burial, level = deeper, low + deeper * span
+            size = diameter / exposed_width(exposure, p, axes, upright, level)
         for k in range(4):
             lying.quaternion[n, k] = turn[k]
         lying.scale[n] = size

@@ -18,7 +18,7 @@ from terrain_forge.model import (
     at_most,
     rotations,
 )
-from terrain_forge.rocks import FOOT, edges, find_overlaps
+from terrain_forge.rocks import DAYLIGHT, FOOT, edges, find_overlaps
 from terrain_forge.truth import shape_figures
 from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 from terrain_forge.validation.outlines import heights_above
@@ -31,8 +31,6 @@ UNPLACED_LIMIT = 0.001
 """Part of the rocks that may find no free place."""
 _ROCKS = 2000
 _UPPER = 40
-_GAP = 0.02
-"""Part of its diameter by which a rock's foot may stand out of the ground."""
 _LIMIT = 0.005
 """Part of the rocks that may do so all the same, where the ground is too rough for them."""
 
@@ -68,7 +66,16 @@ def _place_checks(world: World, lists: list[str]) -> list[Check]:
     return [
         at_most("rocks: overlaps", float(len(overlaps.scattered)), 0.0, note=note),
         at_most("rocks: without a free place", float(unplaced), limit, note=f"besides {count}"),
+        *_left_out(world),
     ]
+
+
+def _left_out(world: World) -> list[Check]:
+    """How many rocks the ground does not hold, where there are any."""
+    if not (number := sum(world.unsupported)):
+        return []
+    note = f"besides {len(world.field)}; the ground falls away beneath them, however deep they lie"
+    return [at_most("rocks: left out", float(number), None, note=note)]
 
 
 def _population_checks(verification: dict[str, Any]) -> list[Check]:
@@ -154,8 +161,8 @@ class Resting(Inspection):
             rows = np.flatnonzero(static.prototype == number)
             foot[rows], top[rows] = foot_and_top(static.select(rows), prototype, world.ground)
         limit = float(max(1, round(_LIMIT * len(static))))
-        note = f"of {len(static)}, by more than {_GAP:.0%} of the diameter"
-        if (hanging := float(np.count_nonzero(foot > _GAP))) > limit:
+        note = f"of {len(static)}, by more than {DAYLIGHT:.0%} of the diameter"
+        if (hanging := float(np.count_nonzero(foot > DAYLIGHT))) > limit:
             note += "; max_slope_deg keeps a population off ground that is too steep"
         return [
             at_most("rocks: daylight beneath", hanging, limit, note=note),
