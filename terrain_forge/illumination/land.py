@@ -24,8 +24,11 @@ from terrain_forge.recipe import machine_memory
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north [m]."""
-_NEAR_POSTS, _MOST_NEAR, _MOST_FAR = 512, 3072, 2048
-"""Posts around the map that keep their posting, and the most that a grid has along a side."""
+_CLOSE = (64, 0.25), (512, 1.0)
+"""Posts around the map, and the step of their grid in postings: a DTM's samples lie between the
+nodes of a grid that runs east and north, which are finer where that hides what is close."""
+_MOST_NEAR, _MOST_FAR = 3072, 2048
+"""The most nodes that a grid has along a side, near the map and beyond."""
 _LEAST = 16
 """Nodes along a side of a map, at least, where its spacing is not given."""
 
@@ -182,26 +185,40 @@ def _grids(
 ) -> list[Heightfield]:
     """The DTM as grids, the finest first, of which each lies within the next."""
     assert site.dtm is not None
-    around = [0.5 * side + _NEAR_POSTS * posting for side in size]
     if source is None:
-        bounds = _patch_bounds(site)
-        return [lay_out(site.dtm, site.dtm.heights, site.crs, bounds, posting)]
+        bounds, step = _patch_bounds(site), _CLOSE[0][1] * posting
+        step = max(step, _longer(bounds) / _MOST_NEAR)
+        return [lay_out(site.dtm, site.dtm.heights, site.crs, bounds, step)]
     spec = at_hand(source.dtm, body=site.body)
     raster = open_raster(spec, body=site.body, folder=source.folder)
     with raster.dataset:
-        west, south, east, north = raster_bounds(raster, site.crs, reach)
-        wide, high = around
-        box = max(west, -wide), max(south, -high), min(east, wide), min(north, high)
-        fine = max(posting, max(box[2] - box[0], box[3] - box[1]) / _MOST_NEAR)
-        wholes = [(box, fine)]
-        if (west, south, east, north) != box:
-            coarse = max(fine, max(east - west, north - south) / _MOST_FAR)
-            wholes.append(((west, south, east, north), coarse))
+        whole = raster_bounds(raster, site.crs, reach)
+        wholes: list[tuple[Bounds, float]] = []
+        for posts, part in _CLOSE:
+            box = _within(whole, *(0.5 * side + posts * posting for side in size))
+            step = max(part * posting, _longer(box) / _MOST_NEAR)
+            if not wholes or (box != wholes[-1][0] and step > wholes[-1][1]):
+                wholes.append((box, step))
+        box, fine = wholes[-1]
+        if whole != box:
+            wholes.append((whole, max(fine, _longer(whole) / _MOST_FAR)))
         grids = []
         for bounds, step in wholes:
             found = read_wide(raster, site.crs, bounds, step)
             grids.append(lay_out(found, found.heights, site.crs, bounds, step))
     return grids
+
+
+def _longer(bounds: Bounds) -> float:
+    """The longer side of a rectangle [m]."""
+    west, south, east, north = bounds
+    return max(east - west, north - south)
+
+
+def _within(bounds: Bounds, wide: float, high: float) -> Bounds:
+    """What of a rectangle lies so far around the centre at most [m]."""
+    west, south, east, north = bounds
+    return max(west, -wide), max(south, -high), min(east, wide), min(north, high)
 
 
 def _patch_bounds(site: Site) -> Bounds:

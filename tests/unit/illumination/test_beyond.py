@@ -127,7 +127,7 @@ def test_the_horizon_is_that_of_rays_over_both(pole, tmp_path):
     off = differences(site, found, 20.0)
     assert np.median(off) < 0.02
     assert off.max() < 0.1
-    assert "at 20 m, then 200 m" in lines[0]
+    assert "at 5 m, then 20 m, then 200 m" in lines[0]
     alone, _ = horizon_map(site, near, tmp_path / "near", **wish)
     assert differences(site, alone, 20.0).max() > 1.0, "the first alone is not enough"
     assert (found - alone).min() > -0.1, "what the first shows is still there"
@@ -163,7 +163,7 @@ def test_a_world_has_the_horizon_of_what_it_holds(pole, tmp_path):
     off = differences(site, found, 20.0)
     assert np.median(off) < 0.03
     assert off.max() < 0.2
-    assert "20 m, then " in lines[0]
+    assert "at 5 m, then " in lines[0]
 
 
 def test_the_command_reads_the_recipe_s_horizon(pole, tmp_path, capsys):

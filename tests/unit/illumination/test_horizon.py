@@ -8,12 +8,14 @@ from datetime import timedelta
 import numpy as np
 import pytest
 import rasterio
-from rasterio.transform import from_origin
+from rasterio.transform import Affine, from_origin
+from scipy.ndimage import map_coordinates
 
 import terrain_forge as tf
 from terrain_forge.base import DataError, OutputError, RecipeError
 from terrain_forge.building import require_ours
 from terrain_forge.illumination import Relief, Source, Wish, horizon_slopes, illuminate, seen_part
+from terrain_forge.illumination.land import find_land
 from terrain_forge.making import place_of, plan
 from terrain_forge.model import MARS, MOON, Heightfield
 from terrain_forge.sky import days_of, look_up, read_time
@@ -89,6 +91,45 @@ def test_a_hole_hides_nothing():
     assert horizon_slopes((Relief.of(ground),), point, np.pi / 2)[0] == pytest.approx(2.0)
     z[4, 6] = -1e9
     assert horizon_slopes((Relief.of(ground.replace(elevation=z)),), point, np.pi / 2)[0] == 0.0
+
+
+def test_horizons_of_a_dtm_that_lies_askew_are_those_of_rays_over_its_samples(tmp_path):
+    """Where its samples lie between the nodes of a grid east and north, close horizons count."""
+    side, posting, eye = 160, 20.0, 0.5
+    heights = 40.0 * rough(side, side)
+    corner = Affine.translation(3.0 - 0.5 * side * posting, 0.5 * side * posting - 7.0)
+    turned = Affine.rotation(30.0) * corner * Affine.scale(posting, -posting)
+    with rasterio.open(
+        tmp_path / "dtm.tif", "w", driver="GTiff", height=side, width=side, count=1,
+        dtype="float32", transform=turned,
+        crs=f"+proj=stere +lat_0=-89.5 +lon_0=45 +R={_RADIUS} +units=m",
+    ) as file:  # fmt: skip
+        file.write(heights.astype(np.float32), 1)
+    dtm = tf.RasterDtm(
+        source="dtm.tif", size_m=(400.0, 400.0), noise="keep", level="none",
+        centre=tf.Centre(lonlat_deg=(45.0, -89.5)),
+    )  # fmt: skip
+    terrain = tf.TerrainSpec(spacing_m=4.0)
+    site = plan(tf.Recipe(name="askew", body="moon", dtm=dtm, terrain=terrain), folder=tmp_path)
+    source = Source(dtm=dtm, folder=tmp_path)
+    land = find_land(site, source=source, size=None, spacing=50.0, reach=2000.0, height=eye)
+
+    def above(x, y):  # linear between the samples, over the plane through the centre
+        column, row = ~turned * (x, y)
+        inside = np.maximum(abs(column - 0.5 * side), abs(row - 0.5 * side)) < 0.5 * side - 1
+        found = map_coordinates(heights, [row - 0.5, column - 0.5], order=1)
+        return np.where(inside, found - (x * x + y * y) / (2.0 * _RADIUS), -1e9)
+
+    away, off = np.arange(2.0, 1500.0, 0.5), []
+    for azimuth in np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, 24):
+        slopes = horizon_slopes(land.reliefs, land.points, float(azimuth))
+        for (east, north, _), slope in zip(land.points, slopes, strict=True):
+            stand = above(np.array([east]), np.array([north])) + eye
+            x, y = east + away * np.sin(azimuth), north + away * np.cos(azimuth)
+            true = np.arctan(((above(x, y) - stand) / away).max())
+            off.append(abs(np.degrees(np.arctan(slope) - true)))
+    assert np.median(off) < 0.06
+    assert np.quantile(off, 0.95) < 1.1
 
 
 def test_a_disc_sets_by_parts():
