@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base import Array, Mask, OutputError, load_model, quaternion_from_rpy
 from terrain_forge.building import exports_in, read_manifest
-from terrain_forge.model import Rover, World
+from terrain_forge.model import MANIFEST, Rover, World
 from terrain_forge.paths import IMPASSABLE, stand
 from terrain_forge.truth import rate_world, rock_rasters
 from terrain_forge.variation import read_summary
@@ -29,6 +29,8 @@ class Arena:
 
     folder: Path
     """Folder of the world."""
+    written: int
+    """When its manifest was written [ns]; a world made anew in its folder is another one."""
     model: Any
     """MuJoCo's model of its scene."""
     data: Any
@@ -145,12 +147,13 @@ def load_arena(folder: Path) -> Arena:
         OutputError: if the folder holds no such world, or not all of it, or its rover has no
             wheels.
     """
-    loaded = _load(folder)
+    manifest = folder / MANIFEST
+    loaded = _load(folder, manifest.stat().st_mtime_ns if manifest.is_file() else 0)
     return replace(loaded, data=mujoco.MjData(loaded.model))
 
 
 @lru_cache(maxsize=KEPT)
-def _load(folder: Path) -> Arena:
+def _load(folder: Path, written: int) -> Arena:
     """The world, which a process keeps, without a state: environments share the rest."""
     from scipy.ndimage import label
 
@@ -171,6 +174,7 @@ def _load(folder: Path) -> Arena:
     drawn = (folder / "drawn.json").is_file()
     return Arena(
         folder=folder,
+        written=written,
         model=model,
         data=None,
         rover=world.rover,

@@ -203,7 +203,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
                 f"{arena.folder} has another rover than {self.arena.folder}: give `numbers` of "
                 "worlds with one, which worlds.csv tells"
             )
-        if arena.folder != self.arena.folder:
+        if arena.model is not self.arena.model:
             self.arena, self.parts = arena, find_parts(arena.model, arena.rover)
             self.close()
 

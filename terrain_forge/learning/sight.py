@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from pathlib import Path
 
 import numpy as np
 from gymnasium import spaces
@@ -31,22 +32,22 @@ class HeightScan:
         y = np.arange(-ASIDE, ASIDE + 0.5 * STEP, STEP)
         self._x, self._y = x.astype(np.float64), y.astype(np.float64)
         self.space = spaces.Box(-HIGHEST, HIGHEST, (len(x), len(y)), np.float32)
-        self._kept: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
+        self._kept: OrderedDict[tuple[Path, int], NDArray[np.float32]] = OrderedDict()
         self._highest = np.zeros((2, 2), np.float32)
 
     def begin(self, arena: Arena) -> None:
         """Take a world: the highest about each point counts, so that no rock hides."""
         from scipy.ndimage import maximum_filter
 
-        name = str(arena.folder)
-        if name not in self._kept:
+        world = arena.folder, arena.written
+        if world not in self._kept:
             # As far as a corner of a point's square lies, however it is turned, from its node.
             reach = math.floor(STEP / (math.sqrt(2.0) * arena.spacing) + 0.5)
-            self._kept[name] = maximum_filter(arena.top, 2 * reach + 1, mode="nearest")
-        self._kept.move_to_end(name)
+            self._kept[world] = maximum_filter(arena.top, 2 * reach + 1, mode="nearest")
+        self._kept.move_to_end(world)
         if len(self._kept) > KEPT:
             self._kept.popitem(last=False)
-        self._highest = self._kept[name]
+        self._highest = self._kept[world]
 
     def look(self, arena: Arena, parts: Parts, cos: float, sin: float) -> NDArray[np.float32]:
         """The heights, rows ahead, columns from right to left, shape [13, 9]."""

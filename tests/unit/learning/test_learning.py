@@ -5,14 +5,15 @@ from __future__ import annotations
 import shutil
 import sys
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import terrain_forge as tf
-from terrain_forge.variation import name_of, read_summary
-from tests.helpers.driving_worlds import ID, make, mix_up_shapes
+from terrain_forge.variation import name_of, read_summary, worlds
+from tests.helpers.driving_worlds import ID, make, mix_up_shapes, recipe
 
 gymnasium = pytest.importorskip("gymnasium")
 from terrain_forge import learning  # noqa: E402
@@ -197,7 +198,7 @@ def test_no_spike_between_the_points_hides_and_none_is_seen_on_one_side_more(spa
         top = np.zeros((count, count), np.float32)
         top[j, i] = 1.0
         arena = SimpleNamespace(
-            folder=number, top=top, spacing=spacing, origin=tuple(origin),
+            folder=number, written=0, top=top, spacing=spacing, origin=tuple(origin),
             data=SimpleNamespace(qpos=np.array([*place, 0.0, 1.0, 0.0, 0.0, 0.0])),
         )  # fmt: skip
         scan = HeightScan()
@@ -337,6 +338,17 @@ def test_a_world_whose_scene_is_gone_is_named(made, tmp_path):
     env = gymnasium.make(ID, worlds=out, distance_m=3.0)
     with pytest.raises(tf.OutputError, match=rf"{name_of(1)} is not whole, make it again: MuJoCo"):
         env.reset(options={"world": 1})
+
+
+def test_worlds_made_anew_in_their_folder_are_driven_in(made, tmp_path):
+    out = shutil.copytree(made.directory, tmp_path / "out")
+    env = gymnasium.make(ID, worlds=out, numbers=[0], distance_m=3.0)
+    assert np.ptp(env.reset(seed=1)[0]["heights"]) > 0.1
+    shutil.rmtree(out)
+    flat = replace(recipe().terrain, layers=())
+    worlds(replace(recipe(), terrain=flat, rocks=tf.RocksSpec()), out, count=1, workers=0)
+    for one in (env, gymnasium.make(ID, worlds=out, distance_m=3.0)):
+        assert np.ptp(one.reset(seed=1)[0]["heights"]) == 0.0
 
 
 def test_damaged_arrays_of_a_world_are_named(made, tmp_path):

@@ -326,7 +326,7 @@ def test_a_height_scan_keeps_so_many_worlds(monkeypatch):
     scan, seen = sight.HeightScan(), []
     for name in ("a", "b", "a", "c", "a", "b"):
         top = Watched(np.zeros((9, 9), np.float32), name, seen)
-        scan.begin(SimpleNamespace(folder=name, spacing=0.1, top=top))
+        scan.begin(SimpleNamespace(folder=name, written=0, spacing=0.1, top=top))
     assert seen == ["a", "b", "c", "b"]
 
 
