@@ -9,13 +9,23 @@ and an origin (`isaaclab.terrains.sub_terrain_cfg`). Both want ground from (0, 0
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from operator import index
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge
 
-from terrain_forge.base import Array, DataError, PositivePair, Stopwatch, checked, silent, stage_key
+from terrain_forge.base import (
+    Array,
+    DataError,
+    NotNegative,
+    PositivePair,
+    Stopwatch,
+    checked,
+    require_kind,
+    silent,
+    stage_key,
+)
 from terrain_forge.geometry import grid_faces, grid_vertices
 from terrain_forge.making import make_world
 from terrain_forge.model import World, rotations
@@ -25,6 +35,7 @@ from terrain_forge.recipe import (
     Recipe,
     RecipeFile,
     WorldsSpec,
+    require_fits,
 )
 from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import draw
@@ -32,6 +43,8 @@ from terrain_forge.variation import draw
 _PRIORITY = 2
 """Of the ground's contacts, above those that a robot's geoms may have, as the MJCF export has it:
 MuJoCo takes the larger friction of two geoms of one priority."""
+_Number = Annotated[int, Ge(0)]
+"""Of a world, or a seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +63,7 @@ class GroundMaker:
 
     @staticmethod
     @checked
-    def of(file: RecipeFile, *, platform: float = 0.5) -> GroundMaker:
+    def of(file: RecipeFile, *, platform: NotNegative = 0.5) -> GroundMaker:
         """The maker of a recipe that was read from a file.
 
         Raises:
@@ -59,7 +72,9 @@ class GroundMaker:
         return GroundMaker(recipe=file.recipe, folder=file.folder, platform=platform)
 
     @checked
-    def world(self, difficulty: float, number: int, *, size: PositivePair | None = None) -> World:
+    def world(
+        self, difficulty: float, number: _Number, *, size: PositivePair | None = None
+    ) -> World:
         """A world of a difficulty, 0 to 1, and a number; of another size than the recipe's.
 
         Raises:
@@ -69,7 +84,7 @@ class GroundMaker:
         """
         if not 0.0 <= difficulty <= 1.0:
             raise ValueError(f"difficulty: {difficulty:g}, allowed: 0 to 1")
-        recipe, number = self.recipe, _numbered(number)
+        recipe, number = self.recipe, int(number)
         if size is not None:
             sides = float(size[0]), float(size[1])
             recipe = replace(recipe, dtm=replace(recipe.dtm, size_m=sides))
@@ -79,6 +94,7 @@ class GroundMaker:
         recipe = replace(recipe, worlds=replace(spec, difficulty=wish, arrival=ArrivalSpec()))
         level, folder = float(difficulty), self.folder
         site = draw(recipe, number, folder=folder, difficulty=level, paths=False).site
+        require_fits(site)
         return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
 
     @checked
@@ -124,22 +140,20 @@ class GroundMaker:
         Raises:
             ValueError, DataError, RecipeError: as `world`.
         """
-        try:
-            size = float(cfg.size[0]), float(cfg.size[1])
-        except (AttributeError, TypeError, IndexError, ValueError):
-            raise DataError("cfg.size must be two numbers, the size in metres") from None
-        seed = getattr(cfg, "seed", None)
+        size, seed = getattr(cfg, "size", None), getattr(cfg, "seed", None)
+        require_kind(size, PositivePair, "cfg.size")
+        require_kind(seed, _Number | None, "cfg.seed")
         if seed is None:
             seed = int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
-        seed = _numbered(seed)
-        number = int(stage_key(seed, f"isaac_lab/{float(difficulty)!r}")) % 2**31
+        number = int(stage_key(int(seed), f"isaac_lab/{float(difficulty)!r}")) % 2**31
         world = self.world(difficulty, number, size=size)
         return trimeshes(world), self._origin(world)
 
     def _origin(self, world: World) -> Array:
         top, ground = rock_rasters(world)[0], world.ground
         west, south, _, _ = ground.bounds
-        near = np.hypot(ground.east[None, :], ground.north[:, None]) <= self.platform
+        reach = self.platform + np.sqrt(2.0) * ground.spacing  # of cells that lie in it in part
+        near = np.hypot(ground.east[None, :], ground.north[:, None]) <= reach
         return np.array([-west, -south, float(top[near].max())])
 
 
@@ -226,21 +240,6 @@ def add_to_spec(
         priority=_PRIORITY,
     )
     return geom, field
-
-
-def _numbered(number: Any) -> int:
-    """A number of a world, or a seed.
-
-    Raises:
-        DataError: for anything else.
-    """
-    try:
-        found = index(number)
-    except TypeError:
-        raise DataError(f"{number!r} is no whole number") from None
-    if found < 0:
-        raise DataError(f"{number!r} is below 0")
-    return found
 
 
 def _require_spec(spec: Any) -> None:

@@ -50,7 +50,7 @@ class Grounds:
 
     @staticmethod
     @checked
-    def of(worlds: Iterable[World | Path | str] | World | Path | str) -> Grounds:
+    def of(worlds: World | Path | str | Iterable[World | Path | str]) -> Grounds:
         """The grounds of worlds, or of folders in which they were built, as NumPy's arrays.
 
         Args:
@@ -80,6 +80,7 @@ class Grounds:
             spacing=ground.spacing,
         )
 
+    @checked
     def to(self, take: Callable[[Any], Any]) -> Grounds:
         """The same as arrays of another library, which takes them by DLPack without a copy.
 

@@ -199,6 +199,29 @@ def test_generators_of_others_get_ground_and_origin():
     assert all(mesh.is_watertight for mesh in meshes[1:])
 
 
+@pytest.mark.parametrize("size", [(6.0, 5.0), (4.1, 4.3)])
+def test_nothing_near_the_middle_stands_above_the_origin(size):
+    """Nor between the nodes; and of no size is the middle without any."""
+    for platform in (0.0, 0.05, 0.5):
+        maker = learning.GroundMaker(recipe=recipe(), platform=platform)
+        for seed in range(4):
+            spec = mujoco.MjSpec()
+            origin, _ = maker.mjlab(1.0, spec, np.random.default_rng(seed), size=size)
+            model = spec.compile()
+            data = mujoco.MjData(model)
+            mujoco.mj_forward(model, data)
+            for turn in np.linspace(0.0, 2.0 * np.pi, 200):
+                eye = origin + np.array([platform * np.cos(turn), platform * np.sin(turn), 5.0])
+                down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+                assert mujoco.mj_ray(model, data, eye, down, None, 1, -1, geom) > 5.0 - 1e-6
+
+
+def test_ground_for_others_that_does_not_fit_into_memory_is_refused():
+    maker = learning.GroundMaker(recipe=recipe())
+    with pytest.raises(tf.RecipeError, match="GB of memory, this machine has"):
+        maker.world(0.5, 0, size=(1e5, 1e5))
+
+
 RECIPES = sorted(path.name for path in (ROOT / "recipes").glob("*.yaml"))
 
 
@@ -265,15 +288,22 @@ def test_a_difficulty_is_a_part(difficulty):
 
 def test_ground_for_others_refuses_what_it_cannot_take(made):
     maker, world = learning.GroundMaker(recipe=recipe()), tf.World.load(made.folders[0])
-    spec, rng = mujoco.MjSpec(), np.random.default_rng(1)
+    spec, rng, lab = mujoco.MjSpec(), np.random.default_rng(1), SimpleNamespace
+    file = tf.load_recipe(ROOT / "recipes" / "hello.yaml")
     for call, why in (
         (lambda: maker.mjlab("x", spec, rng), "difficulty must be a number, found 'x'"),
         (lambda: maker.mjlab(0.5, None, rng), "spec must be a mujoco.MjSpec, found a NoneType"),
         (lambda: maker.mjlab(0.5, spec, None), "rng must be a Generator, found None"),
         (lambda: maker.mjlab(0.5, spec, rng, size=3.0), "size must be 2 values, each a number"),
-        (lambda: maker.isaac_lab(0.5, None), "cfg.size must be two numbers"),
-        (lambda: maker.isaac_lab(None, SimpleNamespace(size=(4, 4))), "difficulty must be"),
+        (lambda: maker.isaac_lab(0.5, None), "cfg.size must be 2 values, .* found None"),
+        (lambda: maker.isaac_lab(0.5, lab(size=(np.nan, 4))), "cfg.size must be 2 values"),
+        (lambda: maker.isaac_lab(0.5, lab(size="44")), "cfg.size must be 2 values, .* found '44'"),
+        (lambda: maker.isaac_lab(0.5, lab(size=(4, 4), seed=-1)), "cfg.seed must be .* found -1"),
+        (lambda: maker.isaac_lab(None, lab(size=(4, 4))), "difficulty must be"),
         (lambda: maker.world(0.5, "x"), "number must be a whole number"),
+        (lambda: maker.world(0.5, -1), "number must be a whole number at least 0, found -1"),
+        (lambda: learning.GroundMaker.of(file, platform=-1), "platform must be a number at least"),
+        (lambda: learning.Grounds.of(made.folders[0]).to(None), "take must be a function"),
         (lambda: learning.GroundMaker.of("hello.yaml"), "file must be a RecipeFile"),
         (lambda: learning.add_to_spec(None, world), "spec must be a mujoco.MjSpec"),
         (lambda: learning.add_to_spec(spec, None), "world must be a World, found None"),
