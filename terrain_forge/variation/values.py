@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from typing import Any
 
 from terrain_forge.base import Key, RecipeError, hint_at
@@ -28,7 +29,8 @@ def drawn_value(wish: Variation, level: float | None, chance: float, where: Key)
     except RecipeError as error:
         raise RecipeError(str(error), key=where) from None
     if kind == "choice":
-        return given[min(int(chance * len(given)), len(given) - 1)]
+        # A world's own: what is drawn of its parts goes into it.
+        return deepcopy(given[min(int(chance * len(given)), len(given) - 1)])
     low, high = given
     if low > high and not kind.endswith("difficulty"):  # which may go down as it rises
         raise RecipeError(f"{low:g} to {high:g}: the smaller number first", key=where)

@@ -401,6 +401,19 @@ def test_what_is_wrong_at_any_place_is_told_at_the_first(
     assert len(tried) <= 1
 
 
+def test_what_is_drawn_of_a_choices_parts_leaves_the_choice_as_it_is(tmp_path: Path) -> None:
+    suns = [{"elevation_deg": 5.0, "azimuth_deg": 10.0}, {"elevation_deg": 50.0}]
+    vary = {"sun": {"choice": suns}, "sun.elevation_deg": {"uniform": [20.0, 30.0]}}
+    given = tf.load_recipe(recipe(tmp_path, lambda plain: plain["worlds"].update(vary=vary))).recipe
+    for number in range(4):
+        drawn = draw(given, number, folder=tmp_path)
+        assert 20.0 < (drawn.recipe.sun.elevation_deg or 0.0) < 30.0
+    assert given.worlds is not None
+    sun = given.worlds.vary["sun"]
+    assert isinstance(sun, tf.Variation)
+    assert list(sun.choice or ()) == suns
+
+
 def test_check_tells_what_differs(tmp_path: Path) -> None:
     def both(plain: dict[str, Any]) -> None:
         """Sizes that only together are sizes: the smallest is above the recipe's largest."""
