@@ -20,8 +20,8 @@ from terrain_forge.driving import TURN_RATE, eased, wheel_rates
 from terrain_forge.learning.arena import Arena, find_parts, load_arena
 from terrain_forge.learning.requests import (
     Arguments,
+    Asked,
     Difficulty,
-    Reset,
     Wished,
     folders_of,
     of_difficulty,
@@ -186,7 +186,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
 
     def _asked(self, options: dict[str, Any]) -> list[Path]:
         """The worlds to begin in, by their order."""
-        require_request(Reset, options)
+        require_request(Asked, {"options": options})
         world = options.get("world")
         if world is None:
             return [self.folders[n] for n in self.np_random.permutation(len(self.folders))]

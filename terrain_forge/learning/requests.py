@@ -74,6 +74,13 @@ class Reset:
     world: Annotated[int | str | None, BeforeValidator(_named)] = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a reset is given."""
+
+    options: Reset
+
+
 def require_request(kind: type, given: Any) -> None:
     """Refuse arguments by name, in a line.
 

@@ -254,8 +254,11 @@ def _require_ours(out: Path, recipe: Recipe, orders: tuple[ExportOrder, ...]) ->
     for key in wanted:
         if not isinstance(found, dict) or found.get(key) != wanted[key]:
             what = {"exports": "other exports"}.get(key, f"another {key}")
-            if key == "recipe" and isinstance(found, dict) and isinstance(found.get(key), dict):
-                what += _difference(found[key], wanted[key])
+            theirs = found.get(key) if isinstance(found, dict) else None
+            if key == "recipe" and isinstance(theirs, dict):
+                what += _difference(theirs, wanted[key])
+            elif theirs is not None:
+                what += f" ({_short(theirs)}, not {_short(wanted[key])})"
             raise OutputError(f"{out} holds worlds of {what}: choose another folder")
 
 

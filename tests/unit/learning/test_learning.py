@@ -287,10 +287,12 @@ def test_a_reset_goes_to_the_world_that_is_named(made):
         with pytest.raises((tf.OutputError, ValueError), match="world"):
             env.reset(options={"world": world})
     for world in (-1, 1.5, True, [1]):
-        with pytest.raises(ValueError, match=r"^world: must be a whole number from 0 on or a fold"):
+        with pytest.raises(ValueError, match=r"^options.world: must be a whole number from 0 on"):
             env.reset(options={"world": world})
-    with pytest.raises(ValueError, match="worlds"):
+    with pytest.raises(ValueError, match=r"^options.worlds: unknown key"):
         env.reset(options={"worlds": 1})
+    with pytest.raises(ValueError, match=r"^options: must be a mapping of keys, found \[1\]"):
+        env.reset(options=[1])
 
 
 def test_a_step_before_the_first_reset_is_refused(made):

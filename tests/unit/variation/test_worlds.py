@@ -531,6 +531,10 @@ def test_worlds_of_another_recipe_are_left_alone(made: Path, tmp_path: Path) -> 
     (tmp_path / "damaged/worlds.json").write_text(json.dumps(order | {"format": {}}))
     with pytest.raises(tf.OutputError, match="holds worlds of another format"):
         worlds(other, tmp_path / "damaged")
+    with pytest.raises(
+        tf.OutputError, match=r'other exports \(\["mjcf"\], not \["sdf"\]\): choose'
+    ):
+        worlds(recipe(tmp_path), made, only="sdf")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(tf.OutputError, match=r"no worlds\.json"):
