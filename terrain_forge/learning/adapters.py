@@ -20,8 +20,10 @@ from terrain_forge.base import (
     DataError,
     NotNegative,
     PositivePair,
+    RecipeError,
     Stopwatch,
     checked,
+    dotted,
     require_kind,
     silent,
     stage_key,
@@ -93,8 +95,12 @@ class GroundMaker:
         # How far goals are is not looked at, lest a small world had none.
         recipe = replace(recipe, worlds=replace(spec, difficulty=wish, arrival=ArrivalSpec()))
         level, folder = float(difficulty), self.folder
-        site = draw(recipe, number, folder=folder, difficulty=level, paths=False).site
-        require_fits(site)
+        try:
+            site = draw(recipe, number, folder=folder, difficulty=level, paths=False).site
+            require_fits(site)
+        except (RecipeError, DataError) as error:  # other packages show no keys
+            told = ": ".join(filter(None, [dotted(error.key), str(error)]))
+            raise type(error)(told, key=error.key) from None
         return make_world(site, site.window, settled=True, progress=Stopwatch(silent))
 
     @checked
@@ -213,11 +219,13 @@ def add_to_spec(
         The geom and the field.
 
     Raises:
-        DataError: for another kind of argument.
+        DataError: for another kind of argument, or a name that the spec has already.
     """
     import mujoco
 
     _require_spec(spec)
+    if not name or spec.hfield(name) or spec.geom(name):
+        raise DataError(f"add_to_spec: name must be one that the spec has not yet, found {name!r}")
     owner = spec.body(body) or spec.worldbody.add_body(name=body)
     top, (west, south, east, north) = rock_rasters(world)[0], world.ground.bounds
     lowest, highest = float(top.min()), float(top.max())

@@ -216,10 +216,15 @@ def test_nothing_near_the_middle_stands_above_the_origin(size):
                 assert mujoco.mj_ray(model, data, eye, down, None, 1, -1, geom) > 5.0 - 1e-6
 
 
-def test_ground_for_others_that_does_not_fit_into_memory_is_refused():
+def test_ground_for_others_that_cannot_be_is_told_by_its_key():
     maker = learning.GroundMaker(recipe=recipe())
-    with pytest.raises(tf.RecipeError, match="GB of memory, this machine has"):
-        maker.world(0.5, 0, size=(1e5, 1e5))
+    for size, why in (
+        ((1e5, 1e5), r"^terrain\.spacing_m: .* GB of memory, this machine has"),
+        ((4.03, 4.0), r"^dtm\.size_m: 4\.03 m is not a whole number \(2 or more\) of cells"),
+        ((0.6, 0.6), r"^rocks\.populations\[0\]\.diameter_m: rocks of up to 0\.9 m"),
+    ):
+        with pytest.raises(tf.RecipeError, match=why):
+            maker.world(0.5, 0, size=size)
 
 
 RECIPES = sorted(path.name for path in (ROOT / "recipes").glob("*.yaml"))
@@ -289,7 +294,8 @@ def test_a_difficulty_is_a_part(difficulty):
 def test_ground_for_others_refuses_what_it_cannot_take(made):
     maker, world = learning.GroundMaker(recipe=recipe()), tf.World.load(made.folders[0])
     spec, rng, lab = mujoco.MjSpec(), np.random.default_rng(1), SimpleNamespace
-    file = tf.load_recipe(ROOT / "recipes" / "hello.yaml")
+    file, full = tf.load_recipe(ROOT / "recipes" / "hello.yaml"), mujoco.MjSpec()
+    learning.add_to_spec(full, world)
     for call, why in (
         (lambda: maker.mjlab("x", spec, rng), "difficulty must be a number, found 'x'"),
         (lambda: maker.mjlab(0.5, None, rng), "spec must be a mujoco.MjSpec, found a NoneType"),
@@ -307,6 +313,8 @@ def test_ground_for_others_refuses_what_it_cannot_take(made):
         (lambda: learning.GroundMaker.of("hello.yaml"), "file must be a RecipeFile"),
         (lambda: learning.add_to_spec(None, world), "spec must be a mujoco.MjSpec"),
         (lambda: learning.add_to_spec(spec, None), "world must be a World, found None"),
+        (lambda: learning.add_to_spec(full, world), "name must be one that .* found 'ground'"),
+        (lambda: learning.add_to_spec(spec, world, name=""), "name must be one that .* found ''"),
         (lambda: learning.trimeshes(None), "world must be a World, found None"),
         (lambda: learning.Grounds.of(None), "worlds must be"),
         (lambda: learning.Grounds.of([1]), "worlds must be"),
