@@ -19,7 +19,7 @@ from terrain_forge.variation import ORDER
 _PYTHONS = (int, float, list, tuple)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Grounds:
     """The grounds of worlds of one size and spacing, as arrays of one library.
 

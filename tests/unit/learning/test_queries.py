@@ -330,6 +330,8 @@ def test_grounds_are_of_one_world_too(made):
         grounds = learning.Grounds.of(one)
         assert np.array_equal(grounds.top, learning.Grounds.of([folder]).top)
         assert repr(grounds) == "<Grounds: 1 world of 10 × 8 m at 0.1 m>"
+        assert {grounds: 1}[grounds] == 1  # as jax.jit keeps what is static
+        assert grounds != learning.Grounds.of([folder])
     with pytest.raises(tf.OutputError, match=r"^no worlds: give some, or the folders in which"):
         learning.Grounds.of([])
 
