@@ -18,7 +18,7 @@ from terrain_forge.base import DataError, FileName, Record, Spec, read_text
 from terrain_forge.datasets import checked_options
 from terrain_forge.evaluation.loops import Loops, read_loops
 from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
-from terrain_forge.evaluation.program import Program
+from terrain_forge.evaluation.program import Program, end_of
 
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
 OutputFormat = Literal["tum", "euroc", "kitti"]
@@ -33,8 +33,6 @@ LOG = "output.txt"
 """Name of the file of what a program printed."""
 MAP = "map"
 """Name of a map that is kept, without its ending."""
-_STYLE = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
-"""What colours a terminal's text (ECMA-48's control sequences)."""
 _OWN = "own_s.txt"
 """Where a driver tells its own processor time."""
 _TOLD = 4
@@ -237,7 +235,7 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
         if keep is not None:
             keep.mkdir(parents=True, exist_ok=True)
             (keep / LOG).unlink(missing_ok=True)
-            (keep / LOG).write_bytes(_end_of(folder / LOG, _KEPT))
+            (keep / LOG).write_bytes(end_of(folder / LOG, _KEPT))
             trajectory = keep / f"{adapter.name}.{adapter.format}"
             trajectory.unlink(missing_ok=True)  # an earlier run's
             if len(files := _found(folder, pattern)) == 1:
@@ -245,7 +243,7 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             made, wrong = _kept_map(folder, chart, keep)
             why = why or (wrong if status == "done" else "")
         used = _without_own(folder, used)
-        last = _end_of(folder / LOG, 4000).decode(errors="replace")
+        last = end_of(folder / LOG, 4000).decode(errors="replace")
     seconds, processor, memory = used
     return Run(
         system=adapter.name, status=status, why=why, estimate=estimate, seconds=seconds,
@@ -302,26 +300,9 @@ def _watched(
     used = (time.monotonic() - begin, *told)
     if late:
         return "timeout", f"killed after {adapter.timeout_s:g} s", used
-    if status := program.status:
-        how = f"signal {-status}" if status < 0 else f"status {status}"
-        return "failed", ": ".join([f"ended with {how}", *_last_words(folder / LOG)]), used
+    if program.status:
+        return "failed", program.ending, used
     return "done", "", used
-
-
-def _last_words(log: Path) -> list[str]:
-    """The last line that a program printed, as tables can hold it; none where it said nothing."""
-    text = _STYLE.sub("", _end_of(log, 4000).decode(errors="replace"))
-    plain = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
-    return [" ".join(line.split()) for line in plain if line.strip()][-1:]
-
-
-def _end_of(path: Path, most: int) -> bytes:
-    """The last bytes of a file; none where it is not there."""
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        file.seek(max(path.stat().st_size - most, 0))
-        return file.read(most)
 
 
 def _found(folder: Path, pattern: str) -> list[Path]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ _GRACE = 15.0
 """How long a launcher has to end its program and itself [s]."""
 _NOTE = ".used"
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
+_STYLE = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
+"""What colours a terminal's text (ECMA-48's control sequences)."""
 _BESIDE = {"PYTHONSAFEPATH": ""}
 """What a driver imports lies beside it, and it runs in a folder of its own."""
 
@@ -30,7 +33,7 @@ class Program:
     def __init__(
         self, words: Sequence[str], *, folder: Path, log: Path, environment: Mapping[str, str]
     ) -> None:
-        self._note = folder / _NOTE
+        self._note, self._log = folder / _NOTE, log
         for path in (log, self._note):
             path.unlink(missing_ok=True)  # a link would be written through
         with log.open("wb") as file:
@@ -70,6 +73,12 @@ class Program:
         return int(self._process.returncode)
 
     @property
+    def ending(self) -> str:
+        """How it ended, and the last that it printed."""
+        how = f"signal {-self.status}" if self.status < 0 else f"status {self.status}"
+        return ": ".join([f"ended with {how}", *_last_words(self._log)])
+
+    @property
     def used(self) -> tuple[float, float] | str:
         """Processor time [s] and largest memory [bytes], known after the block; 0 if it was killed.
 
@@ -80,3 +89,19 @@ class Program:
         except ValueError:
             return self._told
         return processor, memory
+
+
+def _last_words(log: Path) -> list[str]:
+    """The last line that a program printed, as tables can hold it; none where it said nothing."""
+    text = _STYLE.sub("", end_of(log, 4000).decode(errors="replace"))
+    plain = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
+    return [" ".join(line.split()) for line in plain if line.strip()][-1:]
+
+
+def end_of(path: Path, most: int) -> bytes:
+    """The last bytes of a file; none where it is not there."""
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - most, 0))
+        return file.read(most)

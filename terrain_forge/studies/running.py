@@ -273,7 +273,7 @@ def _run(cells: Sequence[Cell], out: Path, jobs: int, progress: Progress, *, cou
             for digest, (cell, program) in list(running.items()):
                 if program.ended(0.0):
                     del running[digest]
-                    _settle(cell, out)
+                    _settle(cell, out, program.ending)
                     done += 1
 
 
@@ -287,12 +287,11 @@ def _start(cell: Cell, out: Path, workers: int) -> Program:
     return Program(words, folder=folder, log=folder / LOG, environment={"MPLBACKEND": "Agg"})
 
 
-def _settle(cell: Cell, out: Path) -> None:
+def _settle(cell: Cell, out: Path, ending: str) -> None:
     """Write that a cell failed whose process ended without a result, and why."""
     folder = folder_of(cell, out)
     if result_of(cell, out) is None:
-        lines = (folder / LOG).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        why = lines[-1][:500] if lines else "its process ended without a word"
+        why = f"its process {ending}"
         told = {"digest": cell.digest, "status": "failed", "why": why, "results": []}
         write_whole(folder / RESULT, json.dumps(told, indent=1) + "\n")
     if not cell.job["keep"]:

@@ -301,6 +301,22 @@ def test_a_system_that_failed_is_run_again_unless_it_lacks_sensors(
     assert times[-1] == times[-2]
 
 
+def test_what_ended_a_cell_is_told_beside_what_it_did_last(written, tmp_path):
+    program, out = tmp_path / "mine.py", tmp_path / "out"
+    program.write_text(
+        "import os, signal\n"
+        "launcher = open(f'/proc/{os.getppid()}/stat').read()\n"
+        "os.kill(int(launcher.rpartition(')')[2].split()[1]), signal.SIGKILL)\n"
+    )
+    text = MINE.replace("PROGRAM", str(program)).replace("NEED", "odometry")
+    (tmp_path / "mine.yaml").write_text(textwrap.dedent(text))
+    run_study(written(("[wheel-odometry]", "[mine.yaml]\n    trust: true"), *ONE), out, jobs=1)
+    (result,) = out.glob("cells/*/result.json")
+    told = json.loads(result.read_text())
+    assert (told["status"], told["results"]) == ("failed", [])
+    assert told["why"] == "its process ended with signal 9: run mine"
+
+
 def test_a_disk_that_is_too_small_is_refused_before_anything_is_made(
     written, tmp_path, monkeypatch
 ):
