@@ -185,6 +185,9 @@ _ESCAPED = str.maketrans(
         "\\": r"\textbackslash{}",
         "~": r"\textasciitilde{}",
         "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "|": r"\textbar{}",
         "\n": " ",
     }
 )
@@ -194,7 +197,8 @@ def latex_table(rows: Sequence[Sequence[str]]) -> str:
     """A table as LaTeX's tabular, its heading first."""
 
     def line(row: Sequence[str]) -> str:
-        return " & ".join(cell.translate(_ESCAPED) for cell in row) + r" \\"
+        text = " & ".join(cell.translate(_ESCAPED) for cell in row) + r" \\"
+        return "{}" + text if text[0] in "[*" else text  # else a part of the line break before
 
     first, *rest = map(line, rows)
     head = rf"\begin{{tabular}}{{l{'r' * (len(rows[0]) - 1)}}}"

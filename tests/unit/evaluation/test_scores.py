@@ -393,8 +393,9 @@ def test_a_place_that_cannot_be_written_is_told_before_the_scores(tmp_path) -> N
 
 
 def test_names_are_written_as_latex_has_them():
-    row = latex_table([["a"], ["~x^\n2_"]]).splitlines()[4]
-    assert row == r"\textasciitilde{}x\textasciicircum{} 2\_ \\"
+    rows = latex_table([["a"], ["~x^\n2_"], ["[a]"], ["*<b|"]]).splitlines()[4:7]
+    assert rows[0] == r"\textasciitilde{}x\textasciicircum{} 2\_ \\"
+    assert rows[1:] == [r"{}[a] \\", r"{}*\textless{}b\textbar{} \\"]
 
 
 def test_tables_are_not_written_over_files_that_are_there(tmp_path) -> None:
