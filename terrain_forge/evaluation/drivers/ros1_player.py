@@ -136,11 +136,13 @@ def play(told: argparse.Namespace, recorded: Path) -> None:
     programs = Programs(before)
     signal.signal(signal.SIGTERM, lambda *_: programs.abandon())
     try:
-        programs.start("roscore", "-p", str(programs.port))
+        core = programs.start("roscore", "-p", str(programs.port))
         begin = time.monotonic()
-        while programs.run("rosparam", "set", "/use_sim_time", "true"):
+        while refused := programs.run("rosparam", "set", "/use_sim_time", "true"):
+            if core.poll() is not None:
+                sys.exit(f"roscore ended with status {core.returncode}")
             if time.monotonic() - begin > GRACE:
-                sys.exit("roscore did not start")
+                sys.exit(f"roscore did not start: rosparam ended with status {refused} all along")
             time.sleep(0.5)
         topics = [told.topic, *([told.correction] if told.correction else [])]
         recorder = programs.start("rosbag", "record", "-O", str(recorded), "--buffsize=0", *topics)

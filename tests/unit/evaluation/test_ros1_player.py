@@ -192,3 +192,12 @@ def test_what_goes_wrong_is_told(ros, program, why):
     result, _ = run("a-loam", binary)
     assert result.run.status == "failed"
     assert why in result.run.why
+
+
+@pytest.mark.slow
+def test_a_master_that_does_not_start_is_told_at_once(ros):
+    run, place = ros
+    for name in ("roscore", "rosparam"):
+        (place / "ros" / name).write_text("#!/bin/sh\nexit 5\n")
+    result, _ = run("a-loam", place / "ros" / "alone", timeout_s=20.0)
+    assert result.run.why == "ended with status 1: roscore ended with status 5"
