@@ -67,7 +67,8 @@ _LACKING = {"stamps": "--estimate", "area": "--map", "cell": "--map"}
 @click.option(
     "--stamps",
     type=click.Path(path_type=Path),
-    help="Times of the poses of --estimate [s], a line each: it is in KITTI's format.",
+    help="Times of the poses of --estimate [s], a line each: it is in KITTI's format, as --truth "
+    "may be.",
 )
 @click.option(
     "--map",

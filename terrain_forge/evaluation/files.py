@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from terrain_forge.base import DataError, complaint
-from terrain_forge.evaluation.poses import read_kitti_poses, read_poses
+from terrain_forge.evaluation.poses import is_kitti, read_kitti_poses, read_poses
 from terrain_forge.evaluation.score import Score, ScoreOptions, score_poses
 
 
@@ -20,7 +20,8 @@ def score_files(
     """Score trajectories of files against one of the truth.
 
     Args:
-        truth: File of the truth (`read_poses`), of the frame that the estimates are of.
+        truth: File of the truth (`read_poses`), of the frame that the estimates are of; beside
+            `stamps` it may be in KITTI's format as well.
         estimates: Files of the estimates.
         options: What is free in it.
         stamps: The estimates are in KITTI's format, and this file has the time of each pose [s].
@@ -31,7 +32,9 @@ def score_files(
     Raises:
         DataError: if the truth cannot be read, or a file is given twice.
     """
-    true, named = read_poses(truth), _named(tuple(estimates))
+    times = stamps if stamps and is_kitti(truth) else None
+    true = read_kitti_poses(truth, stamps=times) if times else read_poses(truth)
+    named = _named(tuple(estimates))
     scores: list[Score] = []
     failures: list[tuple[str, str]] = []
     for name, path in named.items():

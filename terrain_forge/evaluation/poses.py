@@ -144,6 +144,13 @@ def read_kitti_poses(
     return checked_poses(time, matrices[:, :, 3], quaternion, name=name or path.stem, places=places)
 
 
+def is_kitti(path: Path) -> bool:
+    """Whether the first line of a file that is no comment has 12 words, as in KITTI's format."""
+    lines = read_text(path, str(path), most=_MAX_FILE).splitlines()
+    plain = (line.replace(",", " ").split() for line in lines if not line.strip().startswith("#"))
+    return len(next(filter(None, plain), [])) == 12
+
+
 def read_rows(
     path: Path, count: int, *, longer: bool = False, least: int = 2, most: int = 0
 ) -> tuple[Array, list[str]]:

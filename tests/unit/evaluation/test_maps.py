@@ -289,6 +289,12 @@ def test_the_command_scores_poses_of_kittis_format_with_stamps(tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[1].split()[:3] == ["mine", "50", "0"]
     assert "must be 8" in run(*words).stderr
+    words[2] = tmp_path / "poses.txt"
+    rows = [f"1 0 0 {x} 0 1 0 {y + 10} 0 0 1 {z}" for x, y, z in place[1:4].tolist()]
+    words[2].write_text("# of each frame\n" + "\n".join(rows) + "\n")
+    done = run(*words, "--stamps", tmp_path / "stamps.txt", "--set", "align=none")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].split()[:3] == ["mine", "100", "10"]
 
 
 def test_a_system_may_make_a_map_which_is_kept_and_scored(world, tmp_path):
