@@ -101,6 +101,7 @@ def _array(path: Path) -> tuple[Array, bool]:
 
 def _text(path: Path) -> tuple[Array, bool]:
     rows: list[list[float]] = []
+    headed = False
     for number, line in enumerate(read_text(path, str(path), most=MOST).splitlines(), 1):
         words = line.replace(",", " ").split()
         if not words or words[0].startswith("#"):
@@ -108,9 +109,10 @@ def _text(path: Path) -> tuple[Array, bool]:
         try:
             rows.append([float(word) for word in words])
         except ValueError:
-            if rows:
+            if rows or headed:
                 raise DataError(f"{path}:{number}: {line[:60]!r}, must be numbers") from None
-            continue  # a heading
+            headed = True
+            continue
         if len(rows[-1]) != len(rows[0]):
             raise DataError(f"{path}:{number}: {len(words)} numbers, the first row {len(rows[0])}")
     return _table(np.array(rows) if rows else np.zeros((0, 3)), path)

@@ -195,6 +195,7 @@ def test_files_of_every_kind_say_the_same(tmp_path):
                   b"DATA ascii\n1 2 3 4\n", "a point has 10,000,002 numbers"),
         ("a.txt", b"1 2 3\n1 2\n", r"a.txt:2: 2 numbers, the first row 3"),
         ("b.txt", b"1 2 3\n1 2 x\n", r"b.txt:2: '1 2 x', must be numbers"),
+        ("c.csv", b"x;y;z\n1;2;3\n", r"c.csv:2: '1;2;3', must be numbers"),
         ("c.txt", b"1 2 3 4 5\n", "has shape 1 x 5"),
         ("d.txt", b"nan 2 3\n", "holds no point"),
         ("a.npy", b"no", "a.npy"),
