@@ -100,7 +100,7 @@ def ros(tmp_path, monkeypatch):
         truth = dataset / "truth" / "lidar0.tum"
         writer.write_text(f"truth, z_forward = {str(truth)!r}, {z_forward}\n" + _WRITER)
         (adapter,) = chosen_systems(name, dataset, [f"{name}={binary}"])
-        quick = adapter.command + " --delay 0 --settle 0"
+        quick = adapter.command + " --delay 0 --settle 1"
         (result,) = evaluate_recording(dataset, [replace(adapter, command=quick, **changes)])
         return result, log.read_text().splitlines() if log.exists() else []
 
