@@ -23,7 +23,7 @@ _MOVED = 1e-6
 """What a heightmap may be off its place [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Heightmap:
     """Heights as whole numbers on a square grid over the whole ground."""
 

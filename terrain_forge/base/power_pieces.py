@@ -11,7 +11,7 @@ from terrain_forge.base import portable
 from terrain_forge.base.arrays import Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PowerPieces:
     """N(≥D) = number (D / diameter)^-exponent from each diameter on.
 

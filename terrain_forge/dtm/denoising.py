@@ -61,7 +61,7 @@ def denoised(
     return np.asarray(np.rint(ground / _STEP) * _STEP)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Waves:
     """Heights as a sum of cosines, without their mean."""
 
@@ -110,7 +110,7 @@ class _Waves:
         return math.fsum(rows) / self.amplitudes.size
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Spectra:
     """Spectral densities at equal steps of the wave number's logarithm [m² post²]."""
 

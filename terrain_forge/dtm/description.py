@@ -68,7 +68,7 @@ _TOWER = 4.0
 """Postings by which a single sample of real ground does not stand out."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Values:
     """A look at the samples: all of a small raster, pieces all over a large one."""
 

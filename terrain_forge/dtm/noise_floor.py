@@ -73,7 +73,7 @@ _LARGE, _SMALL = 64, 32  # sides of tiles [posts]
 _STEEP, _LEAK = 5.0, 0.15  # exponent of a spectrum, misfit for each one beyond
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFloor:
     """Noise of a DTM and its ground's spectrum; all lengths in posts."""
 

@@ -87,7 +87,7 @@ def rings_of(side: int) -> Rings:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Tiles:
     """Periodograms of overlapping squares of a DTM, in rings and sectors of wave numbers."""
 

@@ -19,7 +19,7 @@ _STRIPE = 2**24
 _BORDER = 33
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class WideSource:
     """A part of a raster, each sample the mean of a square of the file's."""
 

@@ -22,7 +22,7 @@ SPOT_STEP = 0.05
 """Turn between two points of a spot turn [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
     """A curve as dense points; a turn on the spot is a run of points at one place."""
 

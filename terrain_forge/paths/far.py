@@ -196,7 +196,7 @@ class _Step:
     """Points of the line."""
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, eq=False)
 class _Walk:
     """The line while it is found."""
 

@@ -41,7 +41,7 @@ _STILL = 1e-3
 """Speed [m/s] below which a recorded path has no direction of its own."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedPoses:
     """What a file tells of a path."""
 

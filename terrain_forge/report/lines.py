@@ -16,7 +16,7 @@ _MOST = 1500
 _TRACK_BEGINS = ["time_s", "x_m", "y_m"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Line:
     """A line over the ground."""
 

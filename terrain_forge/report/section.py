@@ -42,7 +42,7 @@ class Section:
         raise NotImplementedError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Built:
     """A world and its built folder, in which any file may be missing."""
 

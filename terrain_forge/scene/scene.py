@@ -29,7 +29,7 @@ BODY = -4
 _FIRST = Lock()  # two threads that make the first scene must not get a device each
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Hits:
     """The first thing that each ray met."""
 

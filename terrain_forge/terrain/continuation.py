@@ -32,7 +32,7 @@ from terrain_forge.terrain.noise import octaves
 _SAMPLES = 16  # at least so many nodes across a pixel take part in its mean
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Grain:
     """Noise that is drawn out along one direction, where the ground is."""
 
@@ -47,7 +47,7 @@ class Grain:
     """
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Octaves:
     """Noise that continues the ground: octaves with their factors."""
 

@@ -25,7 +25,7 @@ _PER_DEGREE = 100
 _MOST = 2048
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SlopeStatistics:
     """Slopes of the ground's triangles, all of which are equally large in plan."""
 
@@ -61,7 +61,7 @@ def slope_statistics(ground: Heightfield) -> SlopeStatistics:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
     """How rough heights are at each scale."""
 

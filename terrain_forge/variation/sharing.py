@@ -91,7 +91,7 @@ class SharedArchive:
             _last.append(_Kept(arrays, digest, file, state))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Kept:
     """Arrays that a file of the pool holds, as this process has left it."""
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 _BLOCK = 4096
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Column:
     """One column of a table."""
 

@@ -297,3 +297,20 @@ def test_every_room_of_the_package_has_a_title_on_the_site():
     stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
     rooms = {node.module for node in stub.body if isinstance(node, ast.ImportFrom)}
     assert rooms <= titles.keys()
+
+
+def test_what_holds_arrays_is_compared_by_identity():
+    """NumPy's arrays have no single answer to `==`, and no hash."""
+    found = []
+    for module, path in files().items():
+        for node in ast.walk(parsed(path)):
+            if not isinstance(node, ast.ClassDef):
+                continue
+            decorators = [ast.unparse(one) for one in node.decorator_list]
+            fields = [one.annotation for one in node.body if isinstance(one, ast.AnnAssign)]
+            names = {getattr(part, "id", "") for one in fields for part in ast.walk(one)}
+            if names & {"Array", "NDArray"} and any(
+                "dataclass" in one and "eq=False" not in one for one in decorators
+            ):
+                found.append(f"{module}.{node.name}")
+    assert not found

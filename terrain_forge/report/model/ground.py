@@ -20,7 +20,7 @@ MOST_CELLS = 256
 """Cells of the shown ground along its longer side."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Overlay:
     """A picture of the area in the colours of a scale."""
 

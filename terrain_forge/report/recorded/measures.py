@@ -123,7 +123,7 @@ def _matched(recording: Recording, pair: StereoPair, numbers: list[int]) -> Cove
     return Coverage(float(np.mean(shares)), float(np.mean(wrong)) if wrong else None, by)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RingCounts:
     """Points of a lidar's sweeps by ring, each the mean of some sweeps."""
 
@@ -150,7 +150,7 @@ def ring_counts(lidar: RecordedLidar) -> RingCounts:
     return RingCounts(ground=total[0], rover=total[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WorldSweep:
     """A sweep where its points are in the world."""
 
@@ -187,7 +187,7 @@ def first_sweep(recording: Recording) -> WorldSweep | None:
     return None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ImuErrors:
     """What an IMU told and by how much that is off the truth."""
 

@@ -35,7 +35,7 @@ rocks, of which there is none in 10^20, has no more than that."""
 _MOST_PARTS = 64
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SizeClass:
     """One octave of diameter of one population."""
 

@@ -62,7 +62,7 @@ class Resurfacing(Spec):
     """Craters of less than this diameter were erased [m]; larger ones were left."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Resurfaced:
     """What a surface has gathered of which events erased the small craters."""
 

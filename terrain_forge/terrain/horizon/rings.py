@@ -53,7 +53,7 @@ class Lattice(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ring:
     """A closed polygon of nodes, counter-clockwise from the south-western corner."""
 
