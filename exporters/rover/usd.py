@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from terrain_forge.exporters.mjcf.rover import servo_gain
-from terrain_forge.exporters.usd.layer import gf_quaternion, new_stage, save
+from terrain_forge.exporters.usd.layer import gf_quaternion, make_collider, new_stage, save
 from terrain_forge.exporters.usd.material import bind_friction, define_friction
 from terrain_forge.exporters.usd.rover import define_rig, define_shape
 
@@ -58,10 +58,7 @@ def _define_body(stage: Usd.Stage, name: str, link: Link, place: Array) -> None:
     for number, shape in enumerate(link.shapes):
         solid = define_shape(stage, f"{path}/shape_{number}", shape, root=f"/{name}")
         if shape.collides:
-            UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
-            if shape.mesh is not None:
-                hull = UsdPhysics.MeshCollisionAPI.Apply(solid.GetPrim())
-                hull.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+            make_collider(solid, None if shape.mesh is None else UsdPhysics.Tokens.convexHull)
         if not shape.visible:
             solid.CreatePurposeAttr(UsdGeom.Tokens.guide)
 

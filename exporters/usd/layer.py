@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade, Vt
 
 from terrain_forge.base import Array, ExportError
 
@@ -73,10 +73,16 @@ def define_st(
     primvar.Set(Vt.Vec2fArray.FromNumpy(values))
 
 
-def make_collider(mesh: UsdGeom.Mesh, approximation: str) -> None:
-    """Let physics collide with a mesh: `none` takes the triangles, `convexHull` their hull."""
-    UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
-    UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(approximation)
+def make_collider(solid: UsdGeom.Gprim, approximation: str | None = None) -> None:
+    """Let physics collide with a solid; of a mesh `none` takes the triangles, `convexHull` a hull.
+
+    OpenUSD's reader of physics looks for the friction, even one that is bound further up, only of
+    prims that materials may be bound to.
+    """
+    UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
+    UsdShade.MaterialBindingAPI.Apply(solid.GetPrim())
+    if approximation:
+        UsdPhysics.MeshCollisionAPI.Apply(solid.GetPrim()).CreateApproximationAttr(approximation)
 
 
 def label(prim: Usd.Prim, name: str) -> None:

@@ -1,9 +1,10 @@
 """What USD files of an export say."""
 
+import warnings
 from functools import partial
 
 import numpy as np
-from pxr import UsdGeom, UsdSemantics, UsdValidation
+from pxr import UsdGeom, UsdPhysics, UsdSemantics, UsdValidation
 
 from tests.helpers import exports
 
@@ -32,3 +33,14 @@ def labelled(stage, name):
             labels = UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get()
             if list(labels) == [name]:
                 yield prim
+
+
+def frictions(stage):
+    """The frictions of each collider by its path, as OpenUSD's own reader of physics finds them."""
+    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):
+        read = UsdPhysics.LoadUsdPhysicsFromRange(stage, [stage.GetPseudoRoot().GetPath()])
+    paths, materials = read[UsdPhysics.ObjectType.RigidBodyMaterial]
+    known = dict(zip(paths, (material.dynamicFriction for material in materials), strict=True))
+    kinds = (kind for kind in read if str(kind).endswith("Shape"))
+    shapes = [pair for kind in kinds for pair in zip(*read[kind], strict=True)]
+    return {str(path): [known[name] for name in shape.materials] for path, shape in shapes}

@@ -22,6 +22,7 @@ from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
 from tests.helpers.pythons import asked
 from tests.helpers.rovers import morpheus, skid4
+from tests.helpers.usd_stages import frictions
 
 
 def exported(rover, folder, **options):
@@ -197,6 +198,7 @@ def test_usd_is_an_articulation_without_findings(case):
     assert root.HasAPI(UsdPhysics.ArticulationRootAPI)
     colliders = [prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.CollisionAPI)]
     assert len(colliders) == sum(shape.collides for n in rover.links for shape in n.shapes)
+    assert list(frictions(stage).values()) == [[1.0]] * len(colliders)
 
 
 def test_usd_joints_meet_where_the_links_do(case):

@@ -11,7 +11,7 @@ from terrain_forge.model import Mesh, rotations
 from terrain_forge.rocks import dynamic_contact
 from terrain_forge.scene import rock_tints
 from tests.helpers import worlds
-from tests.helpers.usd_stages import exported, findings, labelled, world_mesh
+from tests.helpers.usd_stages import exported, findings, frictions, labelled, world_mesh
 
 
 def test_large_rocks_collide_as_instances_of_their_hulls(small_world, stage):
@@ -86,6 +86,15 @@ def test_dynamic_rocks_are_bodies_as_physics_reads_them(loosened, dynamic_usd):
         bound = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0]
         friction = UsdPhysics.MaterialAPI(bound.GetPrim()).GetDynamicFrictionAttr().Get()
         assert friction == pytest.approx(dynamic_contact(field.diameter[row]).sliding)
+
+
+def test_physics_reads_one_friction_of_each_collider(loosened, dynamic_usd):
+    stage = Usd.Stage.Open(str(dynamic_usd / "world.usda"))
+    read, body = frictions(stage), loosened.site.body.friction
+    assert {path.split("/")[2] for path in read} == {"Ground", "Rocks"}
+    for path, found in read.items():
+        wanted = body.regolith if "/Ground/" in path else body.rock
+        assert found == [pytest.approx(wanted.coefficient)], path
 
 
 def test_rocks_visual_only_are_seen_and_not_touched(loosened, dynamic_usd):
