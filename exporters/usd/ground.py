@@ -1,4 +1,4 @@
-"""The ground: per tile one mesh that is seen and collided with alike, its texture, its craters."""
+"""The ground: per tile a mesh that is seen, and touched where friction is one; its craters."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from terrain_forge.model import (
     Horizon,
     Tile,
     World,
+    ground_patches,
     material_frictions,
-    world_friction,
 )
 from terrain_forge.terrain import Craters
 from terrain_forge.truth import craters_of
@@ -53,38 +53,78 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
     """Write `assets`/ground_NNN.usdc and its texture ground_NNN.png for one tile of the world."""
     name, ground = tile.name("ground"), tile.ground
     stage = new_stage(assets / f"{name}.usdc", name)
-    mesh = define_mesh(stage, f"/{name}/surface", grid_vertices(ground), grid_faces(*ground.shape))
+    vertices, faces = grid_vertices(ground), grid_faces(*ground.shape)
+    mesh = define_mesh(stage, f"/{name}/surface", vertices, faces)
     normals = grid_normals(ground, tile.whole.ground)
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     define_st(mesh, grid_texture_coordinates(*ground.shape), UsdGeom.Tokens.vertex)
-    make_collider(mesh, UsdPhysics.Tokens.none)
+    friction = touch_ground(stage, mesh, vertices, faces, tile=tile, options=options)
     label(mesh.GetPrim(), "ground")
     label_craters(mesh, ground, craters)
     write_png(assets / f"{name}.png", image_rows(bake_tile(tile, options.texture_pixels).rgb))
     path = f"/{name}/{LOOK}"
-    friction = world_friction(tile.whole.site.body, options)
-    look = define_textured(stage, path, f"./{name}.png", friction.ground, wrap="clamp")
+    look = define_textured(stage, path, f"./{name}.png", friction, wrap="clamp")
     if detail := tile.whole.appearance.detail:
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, path, f"./{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), look)
     within, largest = options.close_within_m, options.texture_pixels
     patches = close_patches(tile, within=within, largest=largest)
-    looks = write_patches(stage, patches, assets, name, friction.ground)
-    bind_faces(stage, mesh, tile, options, looks)
+    looks = write_patches(stage, patches, assets, name, friction)
+    bind_faces(stage, mesh, tile, looks)
     save(stage)
 
 
+def ground_friction(tile: Tile, options: Options) -> float | None:
+    """Friction of a tile's ground; None where it has several."""
+    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
+    return patches[0][0] if len(patches) == 1 else None
+
+
+def touch_ground(
+    stage: Usd.Stage,
+    mesh: UsdGeom.Mesh,
+    vertices: NDArray[np.floating],
+    faces: NDArray[np.int32],
+    *,
+    tile: Tile,
+    options: Options,
+) -> float | None:
+    """Let physics collide with a tile's ground; returns the friction that its looks then have.
+
+    Where it has several, the cells of each are a mesh of their own that is touched instead, since
+    some engines, Newton among them, know no friction of a part of a mesh; the looks have none.
+    """
+    friction = ground_friction(tile, options)
+    if friction is not None:
+        make_collider(mesh, UsdPhysics.Tokens.none)
+        return friction
+    root = stage.GetDefaultPrim().GetPath()
+    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
+    for number, (some, cells) in enumerate(patches):
+        used, corners = np.unique(faces[np.repeat(cells, 2)], return_inverse=True)
+        part = define_mesh(stage, f"{root}/touched_{number}", vertices[used], corners)
+        part.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        make_collider(part, UsdPhysics.Tokens.none)
+        felt = define_friction(stage, f"{root}/Looks/touched_{number}", some)
+        bind_friction(part.GetPrim(), felt)
+    return None
+
+
 def write_patches(
-    stage: Usd.Stage, patches: Iterable[ClosePatch], assets: Path, name: str, friction: float
+    stage: Usd.Stage,
+    patches: Iterable[ClosePatch],
+    assets: Path,
+    name: str,
+    friction: float | None,
 ) -> list[tuple[NDArray[np.int64], UsdShade.Material]]:
     """Write pictures of the ground near paths; their cells, and what shows them."""
     return [(patch.cells, _write_patch(stage, patch, assets, name, friction)) for patch in patches]
 
 
 def _write_patch(
-    stage: Usd.Stage, patch: ClosePatch, assets: Path, name: str, friction: float
+    stage: Usd.Stage, patch: ClosePatch, assets: Path, name: str, friction: float | None
 ) -> UsdShade.Material:
     """Write the pictures of the ground near a path, and define a material that shows them."""
     images = {"": patch.texture.rgb, "_normals": patch.texture.normals}
@@ -124,27 +164,25 @@ def bind_faces(
     stage: Usd.Stage,
     mesh: UsdGeom.Mesh,
     tile: Tile,
-    options: Options,
     patches: Sequence[tuple[NDArray[np.int64], UsdShade.Material]] = (),
 ) -> None:
-    """Give faces the looks of patches near paths, and the names and frictions of materials.
+    """Give faces the looks of patches near paths, and the names of materials.
 
     Args:
         stage: The ground's stage.
         mesh: Its mesh, whose faces are the cells' by twos.
         tile: The tile.
-        options: Of the export.
         patches: Cells and their looks; no cell is in two.
     """
     cells, looks = tile.ground.shape[0] - 1, tile.world.appearance
-    root, frictions = stage.GetDefaultPrim().GetPath(), material_frictions(tile.whole, options)
+    root = stage.GetDefaultPrim().GetPath()
     shown = np.zeros(cells * (tile.ground.shape[1] - 1), np.int64)
     for number, (some, _) in enumerate(patches, start=1):
         shown[some] = number
     made = np.zeros_like(shown)
     if looks.material is not None:
         made = looks.material[:-1, :-1].reshape(-1).astype(np.int64)
-    kinds, felt = 1 + int(made.max(initial=0)), dict[int, UsdShade.Material]()
+    kinds = 1 + int(made.max(initial=0))
     subsets = made + kinds * shown  # a face is in one of them
     order = np.argsort(subsets, kind="stable")
     found, starts = np.unique(subsets[order], return_index=True)
@@ -164,11 +202,6 @@ def bind_faces(
             bind(subset.GetPrim(), UsdShade.Material(stage.OverridePrim(f"{root}/{LOOK}")))
         if kind:
             label(subset.GetPrim(), looks.materials[kind].name)
-        if 0 < kind < len(frictions):
-            if kind not in felt:
-                path = f"{root}/Looks/material_{kind}"
-                felt[kind] = define_friction(stage, path, frictions[kind])
-            bind_friction(subset.GetPrim(), felt[kind])
 
 
 def empty_materials(mesh: UsdGeom.Mesh, tile: Tile) -> None:

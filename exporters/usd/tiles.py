@@ -56,8 +56,10 @@ from .ground import (
     LOOK,
     bind_faces,
     empty_materials,
+    ground_friction,
     label_craters,
     shown_craters,
+    touch_ground,
     write_horizon,
     write_patches,
 )
@@ -155,19 +157,23 @@ def _write_ground(tile: Tile, level: GroundLevel, path: Path, *, options: Option
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(level_normals(tile, level)))
     mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     define_st(mesh, grid_texture_coordinates(*ground.shape)[level.nodes], UsdGeom.Tokens.vertex)
-    make_collider(mesh, UsdPhysics.Tokens.none)
-    label(mesh.GetPrim(), "ground")
+    friction: float | None = world_friction(tile.whole.site.body, options).ground
     if level.stride == 1:
+        friction = touch_ground(
+            stage, mesh, level.vertices, level.faces, tile=tile, options=options
+        )
         label_craters(mesh, ground, shown_craters(tile.world))
+    else:
+        make_collider(mesh, UsdPhysics.Tokens.none)
+    label(mesh.GetPrim(), "ground")
     look = f"/{name}/{LOOK}"
-    friction = world_friction(tile.whole.site.body, options)
-    material = define_textured(stage, look, "./ground.png", friction.ground, wrap="clamp")
+    material = define_textured(stage, look, "./ground.png", friction, wrap="clamp")
     if level.stride == 1 and (detail := tile.whole.appearance.detail):
         scale, offset = detail_placement(ground, detail)
         add_normal_map(stage, look, f"{_SHARED}/{DETAIL}", scale=scale, offset=offset)
     bind(mesh.GetPrim(), material)
     if level.stride == 1:
-        bind_faces(stage, mesh, tile, options)
+        bind_faces(stage, mesh, tile)
     save(stage)
 
 
@@ -296,9 +302,9 @@ def _write_close(built: BuiltTile, tile: Tile, assets: Path, options: Options) -
         stage = new_stage(assets / f"{name}.usdc", whole)
         mesh = UsdGeom.Mesh.Define(stage, f"/{whole}/surface")
         empty_materials(mesh, tile)
-        friction = world_friction(tile.whole.site.body, options).ground
+        friction = ground_friction(tile, options)
         looks = write_patches(stage, chain([first], patches), assets, name, friction)
-        bind_faces(stage, mesh, tile, options, looks)
+        bind_faces(stage, mesh, tile, looks)
         layer = stage.GetRootLayer()
         del stage, mesh
         layer.subLayerPaths.append(f"../{built.folder}/{whole}.usdc")  # not read here

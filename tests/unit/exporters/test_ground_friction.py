@@ -1,4 +1,4 @@
-"""Ground of several materials has the friction of each where it lies, in MJCF, SDF and Drake."""
+"""Ground of several materials has the friction of each where it lies: MJCF, SDF, Drake, USD."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from pxr import Usd
 
 from terrain_forge.model import exporter
 from terrain_forge.validation import read_mesh
 from tests.helpers import worlds
+from tests.helpers.usd_stages import findings, frictions, world_mesh
 
 _FRICTIONS = 0.66, 0.8, 0.5
 _DRAKE = "{http://drake.mit.edu}"
@@ -128,3 +130,23 @@ def test_a_heightmap_has_one_and_says_so(world, tmp_path):
     options = importlib.import_module("terrain_forge.exporters.sdf").Options(ground="heightmap")
     report = exporter("sdf").export(world, tmp_path, options=options)
     assert any("The ground has one friction" in loss for loss in report.losses)
+
+
+@pytest.mark.parametrize("options", [{}, {"tile_cells": 24}])
+def test_physics_reads_one_friction_of_each_cell_in_usd(world, tmp_path, options):
+    report = exporter("usd").export(world, tmp_path, options=exporter("usd").Options(**options))
+    stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
+    assert findings(stage) == []
+    ground, wanted = world.ground, np.array(_FRICTIONS)[world.appearance.material[:-1, :-1]]
+    seen, found = np.zeros(wanted.shape, int), np.zeros(wanted.shape)
+    for path, read in frictions(stage).items():
+        if path.startswith("/World/Ground/"):
+            vertices, faces = world_mesh(stage.GetPrimAtPath(path))
+            assert ground.height_at(*vertices[:, :2].T) == pytest.approx(vertices[:, 2], abs=2e-5)
+            middle = vertices[faces].mean(axis=1)[:, :2]
+            column, row = np.floor((middle - ground.origin) / ground.spacing).astype(int).T
+            np.add.at(seen, (row, column), 1)
+            (found[row, column],) = read
+    assert (seen == 2).all()
+    assert found == pytest.approx(wanted)
+    assert not any("one friction" in loss for loss in report.losses)

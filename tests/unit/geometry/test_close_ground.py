@@ -15,6 +15,7 @@ from terrain_forge.geometry import bake_ground, close_ground, close_patches
 from terrain_forge.geometry.close_ground import cells_near_paths, close_pixel
 from terrain_forge.model import path_points
 from tests.helpers.plain_readers import glb_chunks
+from tests.helpers.usd_stages import labelled
 from tests.helpers.worlds import of_materials
 
 WITHIN = 1.5
@@ -97,11 +98,7 @@ def test_usd_shows_them_on_faces_of_their_own(world, tmp_path):
     options = {"tile_cells": 40, "texture_pixels": 1}
     export_usd(world, tmp_path, options=UsdOptions(close_within_m=WITHIN, **options))
     stage = Usd.Stage.Open(str(tmp_path / "world.usda"))
-    grounds = [
-        prim
-        for prim in stage.Traverse()
-        if prim.IsA(UsdGeom.Mesh) and str(prim.GetPath()).startswith("/World/Ground")
-    ]
+    grounds = labelled(stage, "ground")
     seen = 0
     for tile, prim in zip(world.tiles(cells=40), grounds, strict=True):
         image = UsdGeom.Imageable(prim)
