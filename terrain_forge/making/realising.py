@@ -78,10 +78,8 @@ def make_world(
     )
     fallen = unsupported(placed, library, land.ground)
     fallen &= placed.population < len(site.recipe.rocks.populations)  # listed ones stay
-    rocks, missed = (
-        placed.select(~fallen),
-        placed.population[fallen & owned(placed, ground, site.bounds)],
-    )
+    missed = placed.select(fallen & owned(placed, ground, site.bounds))
+    rocks = placed.select(~fallen)
     own = owned(rocks, ground, site.bounds)
     laid = None
     if land.banked:
@@ -101,7 +99,7 @@ def make_world(
         rover=rover,
         lighting=light_of(site),
         unplaced=scattered.unplaced,
-        unsupported=tuple(np.bincount(missed, minlength=len(placed.populations)).tolist()),
+        unsupported=missed if len(missed) else None,
         horizon=make_horizon(site, ground, appearance, library) if horizon else None,
     )
 

@@ -79,9 +79,9 @@ class World(Record):
     """Sun and sky."""
     unplaced: tuple[int, ...]
     """Rocks of each population that found no free place, counted over the rocks of this window."""
-    unsupported: tuple[int, ...] = ()
-    """Rocks of each population in this window that are left out, since the ground falls away
-    beneath them however deep they are buried; none where it is empty."""
+    unsupported: RockField | None = None
+    """Rocks whose centre lies in the window that are left out, since the ground falls away beneath
+    them however deep they are buried, as they would lie; None for none."""
     horizon: Horizon | None = None
     """What lies beyond the ground's edge; None for nothing."""
 
@@ -102,6 +102,14 @@ class World(Record):
     def sun_diameter(self) -> float:
         """Angle that the Sun fills [rad]."""
         return self.lighting.sun_diameter or self.site.body.sun_diameter
+
+    @property
+    def unsupported_number(self) -> tuple[int, ...]:
+        """How many rocks of each population are left out as unsupported."""
+        kinds = len(self.field.populations)
+        if self.unsupported is None:
+            return (0,) * kinds
+        return tuple(np.bincount(self.unsupported.population, minlength=kinds).tolist())
 
     def __repr__(self) -> str:
         site, (west, south, east, north) = self.site, self.ground.bounds
@@ -164,12 +172,16 @@ class World(Record):
         everyone = merge(self.field, self.neighbours)
         own = owned(everyone, ground, self.ground.bounds) & np.isin(everyone.id, self.field.id)
         near = touches(everyone, ground, self.library) & ~own
+        missed = self.unsupported
+        if missed is not None:
+            missed = missed.select(owned(missed, ground, self.ground.bounds))
         part = self.replace(
             window=window,
             ground=ground,
             appearance=self.appearance.cut((rows, columns)),
             field=everyone.select(own),
             neighbours=everyone.select(near),
+            unsupported=missed,
             horizon=None,
         )
         return Tile(number=number, world=part, whole=self)

@@ -177,11 +177,13 @@ def _with_population(world: World, name: str) -> World:
     populations = (*populations, name)
     colour = np.round(255.0 * np.array([world.site.body.rock_rgb])).astype(np.uint8)
     rock_rgb = np.concatenate([world.appearance.rock_rgb, colour])
+    missed = world.unsupported
     return world.replace(
         appearance=world.appearance.replace(rock_rgb=rock_rgb),
         field=world.field.replace(populations=populations),
         neighbours=world.neighbours.replace(populations=populations),
         unplaced=(*world.unplaced, 0),
+        unsupported=None if missed is None else missed.replace(populations=populations),
     )
 
 

@@ -97,7 +97,7 @@ def tell_preview(world: World, picture: Path) -> None:
     more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
     unplaced = sum(world.unplaced)
     more += f"; {unplaced:,} found no place" * bool(unplaced)
-    unsupported = sum(world.unsupported)
+    unsupported = sum(world.unsupported_number)
     more += f"; {unsupported:,} left out: the ground falls away beneath them" * bool(unsupported)
     say(f"{world.site.name}: nothing was exported")
     say(f"  rocks     {len(world.field):,}{more}")

@@ -96,7 +96,7 @@ class Sample:
         self.unplaced = dict(zip(world.field.populations, world.unplaced, strict=True))
         """Rocks of each population that found no place."""
         populations = world.field.populations
-        self.unsupported = dict(zip(populations, world.unsupported, strict=False))
+        self.unsupported = dict(zip(populations, world.unsupported_number, strict=True))
         """Rocks of each population that the ground does not hold."""
         inside = in_corridor(world.site, world.field.position[:, :2])
         counts = np.bincount(world.field.population[inside], minlength=len(populations))

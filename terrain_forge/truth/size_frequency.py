@@ -114,7 +114,7 @@ def size_frequency(
         together = {
             **_verification(sample, wanted, names),
             "unplaced": sum(world.unplaced),
-            "unsupported": sum(world.unsupported),
+            "unsupported": sum(world.unsupported_number),
         }
     scattered, listed = find_overlaps(world, lists=[spec.name for spec in rocks.lists])
     return {

@@ -28,7 +28,7 @@ from terrain_forge.base import (
 from terrain_forge.building import replacing, require_ours, write_export, write_manifest
 from terrain_forge.dtm import FlatDtm
 from terrain_forge.making import make_world, plan
-from terrain_forge.model import Heightfield, Site, World
+from terrain_forge.model import Heightfield, RockField, Site, World
 from terrain_forge.recipe import (
     MOST_WORLDS,
     OF_PATHS,
@@ -233,7 +233,9 @@ def _assembled(
     slopes = [round(_slope(height, margin, spacing), 1) for height in highest]
     _warn_of_cliffs(max(slopes), wide, enough)
     elevation = np.zeros((rows * up + 1, columns * across + 1), np.float32)
-    looks, fields, cells, number = Mosaic(elevation.shape), [], [], 0
+    looks, cells, number = Mosaic(elevation.shape), [], 0
+    fields: list[RockField] = []
+    missed: list[RockField] = []
     first: World | None = None
     for (world, summary, row, column), slope in zip(made, slopes, strict=True):
         first = first or world
@@ -247,18 +249,25 @@ def _assembled(
             site.west + (column + 0.5) * across * spacing,
             site.south + (row + 0.5) * up * spacing,
         )
-        moved = world.field.position + np.array([*middle, rise])
-        fields.append(
-            looks.add(world, place, margin).replace(
-                position=moved, id=number + np.arange(len(world.field), dtype=np.int32)
-            )
-        )
-        number += len(world.field)
+        kinds = looks.add(world, place, margin)
+        for rocks, all_rocks in ((world.field, fields), (world.unsupported, missed)):
+            if rocks is not None:
+                moved = rocks.replace(
+                    id=number + np.arange(len(rocks), dtype=np.int32),
+                    population=kinds[rocks.population],
+                    position=rocks.position + np.array([*middle, rise]),
+                )
+                all_rocks.append(moved)
+                number += len(rocks)
         height = float(world.ground.height_at(0.0, 0.0)) + rise
         place_of = {"row": row, "column": column, "origin_m": [*middle, height]}
         cells.append({**place_of, "border_slope_deg": slope, **summary})
     assert first is not None  # a grid has a world
-    field = fields[0].joined(*fields[1:]).replace(populations=looks.populations)
+    field, unsupported = (
+        parts[0].joined(*parts[1:]).replace(populations=looks.populations) if parts else None
+        for parts in (fields, missed)
+    )
+    assert field is not None
     return (
         World(
             site=site,
@@ -274,7 +283,7 @@ def _assembled(
             rover=first.rover,
             lighting=first.lighting,
             unplaced=looks.unplaced,
-            unsupported=looks.unsupported,
+            unsupported=unsupported,
         ),
         cells,
     )

@@ -9,9 +9,10 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from terrain_forge.base import OutputError
-from terrain_forge.model import Appearance, GroundDetail, GroundMaterial, RockField, World
+from terrain_forge.model import Appearance, GroundDetail, GroundMaterial, World
 
 _MOST = 256
 _Thing = TypeVar("_Thing", bound=Hashable)
@@ -28,12 +29,11 @@ class Mosaic:
         self._materials: dict[tuple[tuple[str, Any], ...], str] = {}
         self._rocks: dict[tuple[str, tuple[int, ...]], str] = {}
         self._unplaced: Counter[int] = Counter()
-        self._unsupported: Counter[int] = Counter()
 
-    def add(self, world: World, place: tuple[slice, slice], margin: int) -> RockField:
+    def add(self, world: World, place: tuple[slice, slice], margin: int) -> NDArray[np.int32]:
         """Lay a world's looks at some nodes, its edges over a margin of nodes around it.
 
-        Returns its rocks, each of its population of the scene.
+        Returns for each of its populations which one of the scene it is.
 
         Raises:
             OutputError: if the scene has more materials than a raster of classes holds.
@@ -52,8 +52,7 @@ class Mosaic:
             for name, rgb in zip(world.field.populations, looks.rock_rgb.tolist(), strict=True)
         ]
         self._unplaced.update(dict(zip(numbers, world.unplaced, strict=True)))
-        self._unsupported.update(dict(zip(numbers, world.unsupported, strict=False)))
-        return world.field.replace(population=np.array(numbers, np.int32)[world.field.population])
+        return np.array(numbers, np.int32)
 
     @property
     def populations(self) -> tuple[str, ...]:
@@ -64,11 +63,6 @@ class Mosaic:
     def unplaced(self) -> tuple[int, ...]:
         """How many rocks of each found no place."""
         return tuple(self._unplaced[number] for number in range(len(self._rocks)))
-
-    @property
-    def unsupported(self) -> tuple[int, ...]:
-        """How many rocks of each are left out, since the ground does not hold them."""
-        return tuple(self._unsupported[number] for number in range(len(self._rocks)))
 
     def appearance(self, detail: GroundDetail | None) -> Appearance:
         """What all of it looks like."""

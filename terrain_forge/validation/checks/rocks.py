@@ -72,7 +72,7 @@ def _place_checks(world: World, lists: list[str]) -> list[Check]:
 
 def _left_out(world: World) -> list[Check]:
     """How many rocks the ground does not hold, where there are any."""
-    if not (number := sum(world.unsupported)):
+    if not (number := sum(world.unsupported_number)):
         return []
     note = f"besides {len(world.field)}; the ground falls away beneath them, however deep they lie"
     return [at_most("rocks: left out", float(number), None, note=note)]

@@ -66,15 +66,15 @@ def test_no_scattered_rock_hangs_on_a_wall(world):
     assert (daylight(world)[scattered] <= DAYLIGHT + 1e-9).all()
     on_wall = abs(world.field.position[:, 0]) < 4.0
     assert (scattered & on_wall).sum() > 5, "what finds hold stays"
-    assert world.unsupported[0] > 5
-    assert world.unsupported[1] == 0
+    assert world.unsupported_number[0] > 5
+    assert world.unsupported_number[1] == 0
     assert (~scattered).sum() == 1, "a listed rock stays where the user has it"
 
 
 def test_what_is_left_out_is_told(world):
     told = size_frequency(world)
-    assert told["populations"][0]["unsupported"] == world.unsupported[0]
-    assert told["together"]["unsupported"] == sum(world.unsupported)
+    assert told["populations"][0]["unsupported"] == world.unsupported_number[0]
+    assert told["together"]["unsupported"] == sum(world.unsupported_number)
 
 
 def test_parts_leave_out_what_the_whole_does(site, world):
@@ -83,6 +83,27 @@ def test_parts_leave_out_what_the_whole_does(site, world):
         parts.append(tf.realise(site, Window(column=column, row=row, columns=120, rows=120)))
     found = np.concatenate([part.field.id for part in parts])
     assert np.array_equal(np.sort(found), np.sort(world.field.id))
-    assert sum(part.unsupported[0] for part in parts) == world.unsupported[0]
+    assert sum(part.unsupported_number[0] for part in parts) == world.unsupported_number[0]
     merged = merge_counts(site, [count_rocks(part, rock_rasters(part)[1]) for part in parts])
-    assert merged["populations"][0]["unsupported"] == world.unsupported[0]
+    assert merged["populations"][0]["unsupported"] == world.unsupported_number[0]
+
+
+def test_a_tile_counts_what_is_left_out_in_it_alone(site, world):
+    tiles = [tile.world for tile in world.tiles(cells=100)]
+    for column, row in ((0, 0), (120, 0), (0, 120), (120, 120)):
+        window = Window(column=column, row=row, columns=120, rows=120)
+        part = tf.realise(site, window)
+        tile = tf.realise(site, site.padded(window, 2.0)).tile(window, number=0).world
+        assert tile.unsupported_number == part.unsupported_number
+    assert sum(one.unsupported_number[0] for one in tiles) == world.unsupported_number[0]
+
+
+def test_what_is_left_out_is_kept_with_the_world(world, tmp_path):
+    world.save(tmp_path)
+    kept = tf.World.load(tmp_path)
+    assert np.array_equal(kept.unsupported.id, world.unsupported.id)
+    assert not np.isin(kept.unsupported.id, kept.field.id).any()
+    edited = tf.add_rock(
+        kept, east=-9.0, north=0.0, diameter=0.3, population="new", may_overlap=True
+    )
+    assert edited.unsupported_number == (*world.unsupported_number, 0)
