@@ -27,7 +27,7 @@ from terrain_forge.base import OutputError, storing
 from terrain_forge.recipe import sha256
 from terrain_forge.tiling.joining import begin_site, sample_world
 from terrain_forge.tiling.making import make_tile, placing
-from terrain_forge.tiling.order import FOLDER, TileOrder, load_order, write_planned
+from terrain_forge.tiling.order import FOLDER, STAGING, TileOrder, load_order, write_planned
 
 _SITE = "site.tar"
 
@@ -128,6 +128,7 @@ class _Folder:
             _unpack(self.path / _SITE, self.path)
             order = load_order(self.path)
             begin_site(order, sample_world(order))
+            (self.path / STAGING).mkdir()
 
 
 _site_here = lru_cache(maxsize=1)(_Folder)

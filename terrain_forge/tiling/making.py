@@ -61,7 +61,8 @@ def placing(order: TileOrder, number: int) -> Iterator[Path]:
     with storing(place, order.out):
         shutil.rmtree(fresh, ignore_errors=True)
         try:
-            fresh.mkdir(parents=True)
+            fresh.parent.mkdir(exist_ok=True)  # an ended build's staging folder stays away
+            fresh.mkdir()
             yield fresh
             write_through(fresh)
             place.parent.mkdir(parents=True, exist_ok=True)

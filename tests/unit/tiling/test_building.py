@@ -24,7 +24,8 @@ from terrain_forge.base import OutputError, RecipeError, StorageError
 from terrain_forge.building.manifest import LOCK, MARK
 from terrain_forge.model import RockLibrary
 from terrain_forge.rocks import LibrarySpec, find_library
-from terrain_forge.tiling.order import PLANNED
+from terrain_forge.tiling.making import make_tile
+from terrain_forge.tiling.order import PLANNED, STAGING
 from terrain_forge.truth import rock_rasters
 from terrain_forge.truth.traversability import write_traversability
 from tests.helpers import command_line as command
@@ -176,6 +177,18 @@ def test_a_dask_cluster_that_loses_a_worker_makes_the_same_bytes(built, recipe, 
         result = tf.build(given, out, scheduler=cluster.scheduler_address, progress=kill)
     assert killed
     assert result.made == 6
+    assert contents(out) == contents(built)
+
+
+def test_a_worker_whose_build_has_ended_leaves_nothing_in_the_way(built, recipe, tmp_path):
+    out = tmp_path / "six"
+    shutil.copytree(built, out)
+    shutil.rmtree(out / "tiles/001/001")
+    with pytest.raises(StorageError, match="No such file"):
+        make_tile(str(out), 4)
+    assert not (out / STAGING).exists()
+    result = tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
+    assert result.made == 1
     assert contents(out) == contents(built)
 
 
