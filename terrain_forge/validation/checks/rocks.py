@@ -31,6 +31,7 @@ UNPLACED_LIMIT = 0.001
 """Part of the rocks that may find no free place."""
 _ROCKS = 2000
 _UPPER = 40
+_NAMED = 3
 _LIMIT = 0.005
 """Part of the rocks that may do so all the same, where the ground is too rough for them."""
 
@@ -163,7 +164,8 @@ class Resting(Inspection):
         limit = float(max(1, round(_LIMIT * len(static))))
         note = f"of {len(static)}, by more than {DAYLIGHT:.0%} of the diameter"
         if (hanging := float(np.count_nonzero(foot > DAYLIGHT))) > limit:
-            note += "; max_slope_deg keeps a population off ground that is too steep"
+            highest = ", ".join(map(str, static.id[np.argsort(-foot)[:_NAMED]].tolist()))
+            note += f"; most beneath {highest}: listed or added rocks stay where they are"
         return [
             at_most("rocks: daylight beneath", hanging, limit, note=note),
             at_most("rocks: tops below the ground", float(np.count_nonzero(top <= 0.0)), 0.0,

@@ -87,10 +87,19 @@ def test_of_many_rocks_a_sample_is_looked_at():
     assert resting_checks(many) == checks
     raised = many.replace(field=many.field.replace(position=many.field.position + UP))
     assert not (daylight := resting_checks(raised)[0]).passed
-    assert "max_slope_deg" in daylight.note
-    assert "max_slope_deg" not in checks[0].note
+    assert "stay where they are" in daylight.note
+    assert "stay where they are" not in checks[0].note
     sunk = many.replace(field=many.field.replace(position=many.field.position - UP))
     assert not resting_checks(sunk)[1].passed
+
+
+def test_rocks_that_hang_are_named():
+    world = worlds.world(rocks=60)
+    up = np.zeros((len(world.field), 3))
+    up[[4, 9, 11], 2] = 20.0, 60.0, 200.0
+    raised = world.replace(field=world.field.replace(position=world.field.position + up))
+    named = ", ".join(map(str, world.field.id[[11, 9, 4]].tolist()))
+    assert f"most beneath {named}: " in resting_checks(raised)[0].note
 
 
 @pytest.fixture(scope="module")
