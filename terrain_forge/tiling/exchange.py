@@ -106,6 +106,7 @@ def make_tile_away(exchange: Exchange, number: int) -> dict[str, Any]:
     site = _site_here(exchange)  # whose folder is there as long as this is
     out, order = site.path, load_order(site.path)
     place, packed = order.folder(number), out / f"{number}.tar"
+    (out / STAGING).mkdir(exist_ok=True)
     told = make_tile(str(out), number)
     try:
         with storing(packed, out), tarfile.open(packed, "w") as tar:
@@ -128,7 +129,6 @@ class _Folder:
             _unpack(self.path / _SITE, self.path)
             order = load_order(self.path)
             begin_site(order, sample_world(order))
-            (self.path / STAGING).mkdir()
 
 
 _site_here = lru_cache(maxsize=1)(_Folder)

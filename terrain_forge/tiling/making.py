@@ -11,7 +11,7 @@ import resource
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,9 @@ def placing(order: TileOrder, number: int) -> Iterator[Path]:
             sync(place.parent)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
+            with suppress(OSError):  # what an exporter made anew after an ended build cleared up
+                fresh.parent.rmdir()
+                fresh.parent.parent.rmdir()
 
 
 def _take_place(fresh: Path, place: Path) -> None:

@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import signal
+from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -24,8 +25,8 @@ from terrain_forge.base import OutputError, RecipeError, StorageError
 from terrain_forge.building.manifest import LOCK, MARK
 from terrain_forge.model import RockLibrary
 from terrain_forge.rocks import LibrarySpec, find_library
-from terrain_forge.tiling.making import make_tile
-from terrain_forge.tiling.order import PLANNED, STAGING
+from terrain_forge.tiling.making import make_tile, placing
+from terrain_forge.tiling.order import PLANNED, STAGING, load_order
 from terrain_forge.truth import rock_rasters
 from terrain_forge.truth.traversability import write_traversability
 from tests.helpers import command_line as command
@@ -186,6 +187,12 @@ def test_a_worker_whose_build_has_ended_leaves_nothing_in_the_way(built, recipe,
     shutil.rmtree(out / "tiles/001/001")
     with pytest.raises(StorageError, match="No such file"):
         make_tile(str(out), 4)
+    assert not (out / STAGING).exists()
+    (out / STAGING).mkdir()
+    with suppress(StorageError), placing(load_order(out), 4) as fresh:
+        shutil.rmtree(out / STAGING)  # the build ends
+        (fresh / "glb").mkdir(parents=True)
+        raise OSError(errno.ENOENT, "No such file or directory")
     assert not (out / STAGING).exists()
     result = tf.build(tf.load_recipe(recipe).recipe, out, workers=0)
     assert result.made == 1
