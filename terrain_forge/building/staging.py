@@ -297,6 +297,9 @@ def _empty(folder: Path, *kept: str) -> None:
         if path.name in kept:
             continue
         if _is_ours(path):
+            gone = path.with_name(f"{path.name}-{os.getpid()}")
+            with suppress(OSError):  # at once, lest a worker go on in what is left of its folder
+                path = path.rename(gone)
             shutil.rmtree(path, ignore_errors=True)
         else:
             with suppress(OSError):

@@ -63,7 +63,10 @@ def placing(order: TileOrder, number: int) -> Iterator[Path]:
         try:
             fresh.parent.mkdir(exist_ok=True)  # an ended build's staging folder stays away
             fresh.mkdir()
+            begun = fresh.stat().st_ino
             yield fresh
+            if fresh.stat().st_ino != begun:  # the build has cleared up meanwhile
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(fresh))
             write_through(fresh)
             place.parent.mkdir(parents=True, exist_ok=True)
             _take_place(fresh, place)
