@@ -88,6 +88,8 @@ def _population_checks(verification: dict[str, Any]) -> list[Check]:
             fixed, asked = dynamic["fixed"], dynamic["expected"]
             limit = float(max(math.floor(UNSETTLED_LIMIT * asked), 1))
             note = f"of {asked} that were to be dynamic; these are fixed in the ground"
+            if fixed > limit:
+                note += "; max_slope_deg keeps a population off ground that is too steep"
             title = f"rocks: dynamic ones of {name} without rest"
             checks.append(at_most(title, float(fixed), limit, note=note))
         if burial:

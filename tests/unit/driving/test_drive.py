@@ -255,6 +255,24 @@ def test_sizes_are_judged_by_the_truth(hill, tmp_path):
     assert verdicts == {"rocks: sizes of good": True, "rocks: sizes of bad": False}
 
 
+def test_too_many_rocks_without_rest_are_told_with_what_keeps_them_off(hill, tmp_path):
+    (tmp_path / "truth").mkdir()
+    verification = {
+        "populations": [
+            {"name": name, "kolmogorov_smirnov": None,
+             "dynamic": {"expected": 50, "dynamic": 50 - fixed, "fixed": fixed}}
+            for name, fixed in (("few", 5), ("many", 6))
+        ]
+    }  # fmt: skip
+    (tmp_path / "truth" / "size_frequency.json").write_text(json.dumps(verification))
+    checks = validate(hill, tmp_path, spec=ValidateSpec()).checks
+    few, many = (check for check in checks if "without rest" in check.name)
+    assert few.passed
+    assert "max_slope_deg" not in few.note
+    assert not many.passed
+    assert "max_slope_deg" in many.note
+
+
 def test_a_start_inside_a_rock_is_reported(tmp_path):
     trajectory = line((-4, 0), (4, 0))
     world = plain(trajectory, field=boulder_at(trajectory.position[0]))
