@@ -21,8 +21,11 @@ FLAGS = [
     "--headless", "--no-sandbox", "--hide-scrollbars", "--no-first-run", "--disable-quic",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--enable-logging=stderr", "--virtual-time-budget=10000",
+    "--enable-logging=stderr",
 ]  # fmt: skip
+BUDGETS = 100_000, 1_000_000, 10_000_000
+"""How long a page has in the browser's own time [ms], which on a busy machine runs ahead of what
+the page unpacks beside it."""
 # A frame, since a headless window is never narrower than 500 pixels.
 FRAME = """<iframe src="%s" style="width: %dpx; height: 800px; border: 0"></iframe>
 <script>onmessage = (event) => { document.title = event.data; };</script>
@@ -63,9 +66,10 @@ def page(tmp_path_factory):
     return write_report_page(worlds.world(rover=boxy_rover()), folder)
 
 
-def browse(page, profile, *flags):
+def browse(page, profile, *flags, budget=BUDGETS[0]):
     """What the browser writes, and what pages have said on its console."""
-    command = [BROWSER, *FLAGS, f"--user-data-dir={profile}", *flags, page.as_uri()]
+    own = f"--virtual-time-budget={budget}", f"--user-data-dir={profile}"
+    command = [BROWSER, *FLAGS, *own, *flags, page.as_uri()]
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
 
@@ -80,9 +84,13 @@ def changed(page, old, new):
 
 
 def test_the_view_is_drawn_in_silence(page, tmp_path):
-    shown, said = browse(page, tmp_path, "--dump-dom")
-    assert said == []
-    assert re.search(r'<figure id="view"[^>]* class="drawn"', shown)
+    drawn = re.compile(r'<figure id="view"[^>]* class="drawn"')
+    for budget in BUDGETS:
+        shown, said = browse(page, tmp_path, "--dump-dom", budget=budget)
+        assert said == []
+        if drawn.search(shown):
+            return
+    pytest.fail("nothing is drawn")
 
 
 def test_the_view_has_a_world_in_it(page, tmp_path):
