@@ -78,8 +78,13 @@ def write_ground(tile: Tile, assets: Path, *, craters: list[Craters], options: O
 
 def ground_friction(tile: Tile, options: Options) -> float | None:
     """Friction of a tile's ground; None where it has several."""
-    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
+    patches = _patches(tile, options)
     return patches[0][0] if len(patches) == 1 else None
+
+
+def _patches(tile: Tile, options: Options) -> list[tuple[float, NDArray[np.bool_] | None]]:
+    """Each friction of a tile's ground with its cells; None for all of them."""
+    return ground_patches(tile.world, material_frictions(tile.whole, options))
 
 
 def touch_ground(
@@ -96,12 +101,11 @@ def touch_ground(
     Where it has several, the cells of each are a mesh of their own that is touched instead, since
     some engines, Newton among them, know no friction of a part of a mesh; the looks have none.
     """
-    friction = ground_friction(tile, options)
-    if friction is not None:
+    patches = _patches(tile, options)
+    if len(patches) == 1:
         make_collider(mesh, UsdPhysics.Tokens.none)
-        return friction
+        return patches[0][0]
     root = stage.GetDefaultPrim().GetPath()
-    patches = ground_patches(tile.world, material_frictions(tile.whole, options))
     for number, (some, cells) in enumerate(patches):
         used, corners = np.unique(faces[np.repeat(cells, 2)], return_inverse=True)
         part = define_mesh(stage, f"{root}/touched_{number}", vertices[used], corners)

@@ -21,6 +21,7 @@ from .embedding.dynamic import expected_dynamic as expected_dynamic
 from .embedding.dynamic import require_dynamic as require_dynamic
 from .embedding.embed import FOOT as FOOT
 from .embedding.embed import embed as embed
+from .embedding.embed import foot_of as foot_of
 from .embedding.outline import edges as edges
 from .embedding.outline import exposed_points as exposed_points
 from .embedding.outline import extent as extent

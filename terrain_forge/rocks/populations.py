@@ -95,7 +95,7 @@ class PopulationSpec(Spec):
     """Smallest and largest part of a rock's height that lies below the ground, 0 to 0.5; uniform
     between. No measured distribution is known; the older a surface, the deeper its rocks. Where the
     ground falls away under a rock it is sunk further, to 0.6, and a few rocks on very rough ground
-    to 0.9, so that no daylight shows."""
+    to 0.9, so that no daylight shows; one beneath which it shows all the same is left out."""
     arrangement: Arrangement = field(default_factory=Poisson)
     """How the rocks lie towards each other: anywhere (Poisson), in clusters, around craters."""
     density_image: Annotated[str, MinLen(1), InputFile(kind="image")] | None = None

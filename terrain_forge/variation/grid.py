@@ -263,11 +263,9 @@ def _assembled(
         place_of = {"row": row, "column": column, "origin_m": [*middle, height]}
         cells.append({**place_of, "border_slope_deg": slope, **summary})
     assert first is not None  # a grid has a world
-    field, unsupported = (
-        parts[0].joined(*parts[1:]).replace(populations=looks.populations) if parts else None
-        for parts in (fields, missed)
-    )
-    assert field is not None
+    named = {"populations": looks.populations}
+    field = fields[0].joined(*fields[1:]).replace(**named)
+    unsupported = missed[0].joined(*missed[1:]).replace(**named) if missed else None
     return (
         World(
             site=site,

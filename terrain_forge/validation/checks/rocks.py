@@ -18,7 +18,7 @@ from terrain_forge.model import (
     at_most,
     rotations,
 )
-from terrain_forge.rocks import DAYLIGHT, FOOT, edges, find_overlaps
+from terrain_forge.rocks import DAYLIGHT, find_overlaps, foot_of
 from terrain_forge.truth import shape_figures
 from terrain_forge.validation.inspection import BuiltFolder, Inspection, content_of
 from terrain_forge.validation.outlines import heights_above
@@ -185,12 +185,7 @@ def foot_and_top(
     """
     from scipy.spatial import ConvexHull
 
-    vertices = prototype.meshes[0].vertices
-    level = vertices[:, 2].min() + FOOT * np.ptp(vertices[:, 2])
-    ends = vertices[edges(prototype.meshes[0])]
-    ends = ends[(ends[:, 0, 2] < level) != (ends[:, 1, 2] < level)]
-    part = (level - ends[:, 0, 2]) / (ends[:, 1, 2] - ends[:, 0, 2])
-    outline = ends[:, 0] + part[:, None] * (ends[:, 1] - ends[:, 0])
+    vertices, outline = prototype.meshes[0].vertices, foot_of(prototype.meshes[0])
     loop = outline[ConvexHull(outline[:, :2]).vertices]  # hollows of the underside are hidden
     pose = rotations(field) * field.scale[:, None, None]
     feet = heights_above(ground, np.einsum("nij,pj->npi", pose, loop) + field.position[:, None])
