@@ -93,7 +93,7 @@ def _make_link(
         turned = portable.product(portable.product(rotation, body.inertia), rotation.T)
         about = about + turned + body.mass * _steiner(at)
     if not mass > 0:
-        where = f"link {name!r} moves but" if name else "the body of the rover"
+        where = f"{_where(name)} moves but" if name else _where(name)
         raise FileError(f"{where} has no mass, must be above 0 kg")
     centre = moment / mass
     inertia, said = _possible(about - mass * _steiner(centre), about, name)
@@ -129,6 +129,11 @@ def _make_link(
     return link, said
 
 
+def _where(name: str) -> str:
+    """A link as the file calls it; its root may be several, joined by what fixes them."""
+    return f"link {name!r}" if name else "the body of the rover"
+
+
 def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, list[str]]:
     """The inertia, or its mean about all axes where no body could have it.
 
@@ -141,6 +146,7 @@ def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, li
         return inertia, []
     mean = float(np.trace(inertia)) / 3
     if not mean > rounding:
-        raise FileError(f"link {name or 'base_link'!r} has no inertia, must be above 0")
+        found = "a negative" if mean < -rounding else "no"
+        raise FileError(f"{_where(name)} has {found} inertia, must be above 0")
     told = f"No body has the inertia of {called(name)}: its mean was taken."
     return mean * np.eye(3), [told]

@@ -273,6 +273,7 @@ def test_a_base_that_looks_another_way_is_turned(tub):
         ([('value="1.5"', 'value="0"')], {}, "link '.*_wheel' moves but has no mass", "file"),
         ([('ixx="0.009"', 'ixx="0"'), ('iyy="0.009"', 'iyy="0"'), ('izz="0.015"', 'izz="0"')],
          {}, "link '.*_wheel' has no inertia", "file"),
+        ([('ixx="0.009"', 'ixx="-0.9"')], {}, "link '.*_wheel' has a negative inertia", "file"),
         ([('value="2"', 'value="-2"')], {}, "link 'mast' has a mass of -2 kg", "file"),
         ([("wheel.stl", "tyre.stl")], {}, "mesh tyre.stl is missing", "file"),
         ([('xyz="0 0 1"', 'xyz="0 0 up"')], {}, "axis xyz='0 0 up': must be 3 numbers", "file"),
