@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     ConfigDict,
     NonNegativeInt,
@@ -37,13 +38,20 @@ def _named(given: Any) -> Any:
     raise ValueError("must be a whole number from 0 on or a folder's name")
 
 
+def _ascending(levels: tuple[float, float]) -> tuple[float, float]:
+    """Two difficulties, the least first."""
+    if levels[0] > levels[1]:
+        raise ValueError("must have the least first")
+    return levels
+
+
 _Number = Annotated[NonNegativeInt, Strict(), BeforeValidator(_plain)]
 """A world's number, also one of NumPy's; no truth value, as a mask would have."""
 
 
 _Length = Annotated[Positive, Strict(), BeforeValidator(_plain)]
 _Level = Annotated[Fraction, Strict(), BeforeValidator(_plain)]
-Difficulty = tuple[_Level, _Level] | None
+Difficulty = Annotated[tuple[_Level, _Level], AfterValidator(_ascending)] | None
 """Between which difficulties; None for all."""
 
 

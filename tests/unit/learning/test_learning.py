@@ -262,6 +262,7 @@ def test_worlds_of_two_rovers_are_refused_at_once(made, tmp_path):
         ({"distance_m": float("nan")}, "distance_m: "),
         ({"distance_m": 0.4}, "distance_m: 0.4, more than 0.4 m, where the rover has arrived"),
         ({"difficulty": (0.2, 7.0)}, r"difficulty\[1\]: "),
+        ({"difficulty": (0.5, 0.2)}, "difficulty: must have the least first"),
         ({"difficulty": 0.5}, "difficulty: "),
         ({"numbers": [-1]}, r"numbers\[0\]: "),
         ({"numbers": np.array([True, False])}, r"numbers\[0\]: "),
