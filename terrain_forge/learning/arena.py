@@ -74,6 +74,11 @@ class Arena:
             data.qpos[parts.pose.start + 2] += _LIFT
             mujoco.mj_forward(model, data)
 
+    def advance(self, steps: int) -> None:
+        """Simulate so many time steps, with bodies where `qpos` then has them."""
+        mujoco.mj_step(self.model, self.data, steps)
+        mujoco.mj_kinematics(self.model, self.data)  # a step leaves them where it began
+
     def _is_inside(self, parts: Parts) -> bool:
         contact = self.data.contact
         own = parts.is_rover[contact.geom].any(axis=1)

@@ -173,7 +173,7 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         arena = self.arena
         start, self._goal, heading = mission
         arena.set_down(self.parts, start, heading)
-        mujoco.mj_step(arena.model, arena.data, round(_SETTLING / arena.model.opt.timestep))
+        arena.advance(round(_SETTLING / arena.model.opt.timestep))
         self._steps = max(round(1.0 / RATE / arena.model.opt.timestep), 1)
         self._bounds = arena.world.ground.bounds
         self._time, self._rates = 0.0, np.zeros(len(arena.rover.wheels))
@@ -217,13 +217,13 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         if not self._trail:
             raise gymnasium.error.ResetNeeded("step: no drive has begun, call reset first")
         arena, parts = self.arena, self.parts
-        data, model, tick = arena.data, arena.model, self._steps * arena.model.opt.timestep
+        data, tick = arena.data, self._steps * arena.model.opt.timestep
         self._action = ahead, aside = _numbers(action)
         speed, turn = ahead * self._speed, aside * TURN_RATE
         wanted = wheel_rates(arena.rover, speed, turn)
         self._rates = eased(arena.rover, wanted, self._rates, time=4.0 * tick)
         data.ctrl[parts.motors] = parts.sides * self._rates
-        mujoco.mj_step(model, data, self._steps)
+        arena.advance(self._steps)
         # Servos follow the angle that their rates add up to: it stays within the motors' reach.
         held = data.actuator_length[parts.motors] + parts.lag * data.qvel[parts.axles]
         run = np.minimum(data.act[parts.activations], held + parts.reach)

@@ -144,6 +144,16 @@ def test_a_simulation_that_breaks_is_a_failure(made, what):
     assert not env.step(np.zeros(2, np.float32))[2]
 
 
+def test_attitude_and_place_are_of_one_moment(made):
+    env = make(made, sight="none").unwrapped
+    seen, _ = env.reset(seed=1)
+    for _ in range(5):
+        w, x, y, z = env.arena.data.qpos[env.parts.pose][3:]
+        pitch, roll = np.arcsin(2 * (w * y - z * x)), np.arctan2(y * z + w * x, 0.5 - x * x - y * y)
+        assert np.allclose(seen["proprioception"][3:5], [pitch, roll], rtol=0, atol=1e-6)
+        seen, *_ = env.step(np.array([1.0, 1.0], np.float32))
+
+
 def test_numbers_may_be_told_one_by_one(made):
     env = learning.DriveEnv(made.directory, numbers=(n for n in (1,)))
     assert [folder.name for folder in env.folders] == [name_of(1)]
