@@ -170,7 +170,8 @@ class Grounds:
         """
         world, east, north = self._worlds(world), _number(east, "east"), _number(north, "north")
         require_alike(world=world, east=east, north=north)
-        return world, east, north
+        ground = self.elevation
+        return _taken(world, self.rock), _taken(east, ground), _taken(north, ground)
 
     def _nodes(self, world: Any, east: Any, north: Any) -> tuple[Any, Any, Any, Any]:
         """World, row, column of the node nearest to each point, and 0, NaN where that is none."""
@@ -215,6 +216,13 @@ def _number(values: Any, what: str) -> Any:
     if not _is_foreign(values):
         require_kind(values, ArrayLike, f"Grounds: {what}")
     return np.asarray(values, np.float64)[()] if isinstance(values, _PYTHONS) else values
+
+
+def _taken(values: Any, beside: Any) -> Any:
+    """NumPy's as PyTorch's beside a tensor, which computes with none of NumPy's."""
+    if hasattr(beside, "new_tensor") and not _is_foreign(values):
+        return beside.new_tensor(values)
+    return values
 
 
 def _whole(values: Any, most: int) -> Any:

@@ -174,6 +174,18 @@ def test_queries_go_to_another_library_without_a_copy(made):
     assert np.array_equal(np.asarray(there.rock_at(n, x, y)), here.rock_at(n, x, y))
 
 
+@pytest.mark.parametrize("query", ["height_at", "normal_at", "slope_at", "rock_at", "top_at"])
+def test_torch_takes_lists_numbers_and_arrays_of_numpy(made, query):
+    torch = pytest.importorskip("torch")
+    own = learning.Grounds.of(made.folders)
+    there = own.to(torch.from_dlpack)
+    n, x, y = points(made)
+    for given in ((n, x, y), (n.tolist(), x.tolist(), y), (1, 0.5, -0.25), (torch.tensor(1), 2, y)):
+        found, wanted = getattr(there, query)(*given), getattr(own, query)(*map(np.asarray, given))
+        assert np.allclose(np.asarray(found), wanted, rtol=0, atol=1e-5)
+        assert isinstance(found[0] if query == "normal_at" else found, torch.Tensor)
+
+
 def test_generators_of_others_get_ground_and_origin():
     maker = learning.GroundMaker(recipe=recipe())
     spec = mujoco.MjSpec()
