@@ -17,6 +17,8 @@ from terrain_forge.truth import rock_rasters
 from terrain_forge.variation import ORDER
 
 _PYTHONS = (int, float, list, tuple)
+_SHORT = ("torch.uint8", "torch.int8", "torch.int16")
+"""Types of whole numbers that PyTorch takes no index of."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,8 +149,8 @@ class Grounds:
         Raises:
             DataError: if there is no such world.
         """
-        if _is_foreign(given):
-            return given
+        if _is_foreign(given):  # of bytes PyTorch would make a mask
+            return given.long() if str(given.dtype) in _SHORT else given
         count = len(self.elevation)
         allowed = f"whole numbers from 0 to {count - 1} are allowed"
         try:

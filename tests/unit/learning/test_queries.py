@@ -186,6 +186,15 @@ def test_torch_takes_lists_numbers_and_arrays_of_numpy(made, query):
         assert isinstance(found[0] if query == "normal_at" else found, torch.Tensor)
 
 
+@pytest.mark.parametrize("kind", ["uint8", "int8", "int16", "int32", "int64"])
+def test_torch_takes_worlds_as_whole_numbers_of_any_size(made, kind):
+    torch = pytest.importorskip("torch")
+    own = learning.Grounds.of(made.folders)
+    there, x = own.to(torch.from_dlpack), torch.tensor([0.5, 1.0])
+    found = there.height_at(torch.tensor([1, 1], dtype=getattr(torch, kind)), x, x)
+    assert np.allclose(found, own.height_at(np.array([1, 1]), x.numpy(), x.numpy()), atol=1e-6)
+
+
 def test_generators_of_others_get_ground_and_origin():
     maker = learning.GroundMaker(recipe=recipe())
     spec = mujoco.MjSpec()
