@@ -164,6 +164,9 @@ class RosMessages:
         self.recording, self.options, self.parts = recording, options, RosParts(store)
         self.sensors = _written(recording, options)
         self.frames = frames_of(recording)
+        lefts = {pair.right.key: self.frames[pair.left.key] for pair in recording.pairs}
+        self.views = self.frames | lefts
+        """Frames that cameras' P projects from: of a right one that of the left one."""
 
     def topics(self) -> list[Topic]:
         """All topics, `/tf_static` first."""
@@ -238,20 +241,23 @@ class RosMessages:
             for stamp in camera.stamps.tolist():
                 yield stamp, self.camera_info(camera, stamp)
 
+        pictures = self._pictures(camera, "data", self.views[camera.key])
         found = [
             self._topic(f"/{camera.key}/camera_info", _INFO, infos),
-            self._topic(f"/{camera.key}/image_raw", _IMAGE, self._pictures(camera, "data")),
+            self._topic(f"/{camera.key}/image_raw", _IMAGE, pictures),
         ]
         if self.options.depth and "depth" in camera.channels:
             found += self._depth_topics(camera)
         return found
 
-    def _pictures(self, camera: RecordedCamera, stream: str) -> Callable[[], Iterator[Pair]]:
+    def _pictures(
+        self, camera: RecordedCamera, stream: str, frame: str
+    ) -> Callable[[], Iterator[Pair]]:
         def pictures() -> Iterator[Pair]:
             for number, stamp in enumerate(camera.stamps.tolist()):
                 picture = picture_of(camera, number, stream)
                 encoding = "rgb8" if picture.ndim == 3 else "mono8"
-                yield stamp, self._image(stamp, self.frames[camera.key], picture, encoding)
+                yield stamp, self._image(stamp, frame, picture, encoding)
 
         return pictures
 
@@ -273,7 +279,7 @@ class RosMessages:
         found = [self._topic(f"{name}/depth/camera_info", _INFO, infos)]
         found.append(self._topic(f"{name}/depth/{image}", _IMAGE, depths))
         if rectified:
-            pictures = self._pictures(camera, RECTIFIED)
+            pictures = self._pictures(camera, RECTIFIED, self.frames[camera.key])
             found.append(self._topic(f"{name}/image_rect", _IMAGE, pictures))
         return found
 
@@ -287,17 +293,18 @@ class RosMessages:
 
     def camera_info(self, camera: RecordedCamera, stamp: int) -> Any:
         """Calibration of a camera; P[3] of the right one of a pair is −f·baseline."""
-        projection = projection_of(self.recording, camera)
-        return self._info(camera, stamp, camera.distortion, projection)
+        header = self.parts.header(stamp, self.views[camera.key])
+        return self._info(camera, header, camera.distortion, projection_of(self.recording, camera))
 
     def depth_info(self, camera: RecordedCamera, stamp: int) -> Any:
         """Calibration of the pictures whose depth is recorded, as of a camera alone."""
         straight = truth_stream(camera) == RECTIFIED
         lens = ("none", np.zeros(0)) if straight else camera.distortion
-        return self._info(camera, stamp, lens, np.hstack([camera.matrix, np.zeros((3, 1))]))
+        header = self.parts.header(stamp, self.frames[camera.key])
+        return self._info(camera, header, lens, np.hstack([camera.matrix, np.zeros((3, 1))]))
 
     def _info(
-        self, camera: RecordedCamera, stamp: int, lens: tuple[str, Array], projection: Array
+        self, camera: RecordedCamera, header: Any, lens: tuple[str, Array], projection: Array
     ) -> Any:
         model, given = lens
         coefficients = np.zeros(4 if model == "equidistant" else 5)
@@ -306,7 +313,7 @@ class RosMessages:
         width, height = camera.size
         return self.parts.make(
             _INFO,
-            *(self.parts.header(stamp, self.frames[camera.key]), height, width, _MODELS[model]),
+            *(header, height, width, _MODELS[model]),
             *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
             *(0, 0, region),
         )

@@ -128,7 +128,8 @@ def test_calibration_and_frames(bag, recording):
     left, right = (messages(bag, f"/cam{n}/camera_info")[0] for n in (0, 1))
     projection = right.P if bag[2] == "rosbag1" else right.p
     assert projection[3] == pytest.approx(-FOCAL * BASELINE)
-    assert right.header.frame_id == "stereo_right_optical"
+    names = [messages(bag, f"/cam{n}/image_raw")[0].header.frame_id for n in (0, 1)]
+    assert {left.header.frame_id, right.header.frame_id, *names} == {"stereo_left_optical"}
     assert left.distortion_model == "plumb_bob"
     assert list(left.K if bag[2] == "rosbag1" else left.k)[:3] == [FOCAL, 0, 31.5]
 
