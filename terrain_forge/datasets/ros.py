@@ -29,9 +29,10 @@ from terrain_forge.datasets.clouds import (
     point_size,
     require_held,
 )
-from terrain_forge.datasets.pictures import RECTIFIED, picture_losses, picture_of, truth_stream
+from terrain_forge.datasets.pictures import RECTIFIED, picture_losses
 from terrain_forge.datasets.poses import Poses, rates, velocities
 from terrain_forge.datasets.reader import BASE, Recording
+from terrain_forge.datasets.ros_cameras import CameraMessages
 from terrain_forge.datasets.ros_frames import WORLD, frames_of, is_own
 from terrain_forge.datasets.ros_parts import TRANSFORMS, Pair, RosParts
 from terrain_forge.datasets.ros_series import (
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 TRUTH_TOPIC = "/ground_truth/odometry"
-_IMAGE, _INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
-_MODELS = {"radtan": "plumb_bob", "none": "plumb_bob", "equidistant": "equidistant"}
 _INFO_SIZE, _CLOUD_HEAD = 560.0, 400.0
 """Bytes of a picture's message and its calibration but for the pixels, of a cloud's but for the
 points, in a bag."""
@@ -164,9 +163,7 @@ class RosMessages:
         self.recording, self.options, self.parts = recording, options, RosParts(store)
         self.sensors = _written(recording, options)
         self.frames = frames_of(recording)
-        lefts = {pair.right.key: self.frames[pair.left.key] for pair in recording.pairs}
-        self.views = self.frames | lefts
-        """Frames that cameras' P projects from: of a right one that of the left one."""
+        self.cameras = CameraMessages(recording, self.parts, self.frames)
 
     def topics(self) -> list[Topic]:
         """All topics, `/tf_static` first."""
@@ -174,7 +171,8 @@ class RosMessages:
         clouds = 0
         for sensor in self.sensors:
             if isinstance(sensor, RecordedCamera):
-                found += self._camera_topics(sensor)
+                streams = self.cameras.streams(sensor, depth=self.options.depth)
+                found += [self._topic(*stream) for stream in streams]
             elif isinstance(sensor, RecordedLidar):
                 found.append(self._cloud_topic(sensor, clouds))
                 clouds += 1
@@ -235,88 +233,6 @@ class RosMessages:
                 stamp,
                 self.parts.make(TRANSFORMS, [self.parts.transform(stamp, BASE, frame, *at)]),
             )
-
-    def _camera_topics(self, camera: RecordedCamera) -> list[Topic]:
-        def infos() -> Iterator[Pair]:
-            for stamp in camera.stamps.tolist():
-                yield stamp, self.camera_info(camera, stamp)
-
-        pictures = self._pictures(camera, "data", self.views[camera.key])
-        found = [
-            self._topic(f"/{camera.key}/camera_info", _INFO, infos),
-            self._topic(f"/{camera.key}/image_raw", _IMAGE, pictures),
-        ]
-        if self.options.depth and "depth" in camera.channels:
-            found += self._depth_topics(camera)
-        return found
-
-    def _pictures(
-        self, camera: RecordedCamera, stream: str, frame: str
-    ) -> Callable[[], Iterator[Pair]]:
-        def pictures() -> Iterator[Pair]:
-            for number, stamp in enumerate(camera.stamps.tolist()):
-                picture = picture_of(camera, number, stream)
-                encoding = "rgb8" if picture.ndim == 3 else "mono8"
-                yield stamp, self._image(stamp, frame, picture, encoding)
-
-        return pictures
-
-    def _depth_topics(self, camera: RecordedCamera) -> list[Topic]:
-        """Depth with a camera_info of its own, and the pictures whose depth it is."""
-
-        def infos() -> Iterator[Pair]:
-            for stamp in camera.stamps.tolist():
-                yield stamp, self.depth_info(camera, stamp)
-
-        def depths() -> Iterator[Pair]:
-            for number, stamp in enumerate(camera.stamps.tolist()):
-                metres = camera.depth(number).astype(np.float32)
-                metres[metres == 0.0] = np.nan  # REP 118
-                yield stamp, self._image(stamp, self.frames[camera.key], metres, "32FC1")
-
-        rectified, name = truth_stream(camera) == RECTIFIED, f"/{camera.key}"
-        image = "image_rect" if rectified else "image_raw"
-        found = [self._topic(f"{name}/depth/camera_info", _INFO, infos)]
-        found.append(self._topic(f"{name}/depth/{image}", _IMAGE, depths))
-        if rectified:
-            pictures = self._pictures(camera, RECTIFIED, self.frames[camera.key])
-            found.append(self._topic(f"{name}/image_rect", _IMAGE, pictures))
-        return found
-
-    def _image(self, stamp: int, frame: str, picture: Any, encoding: str) -> Any:
-        rows, columns = picture.shape[:2]
-        pixels = np.ascontiguousarray(picture)
-        data = pixels.view(np.uint8).ravel()
-        header = self.parts.header(stamp, frame)
-        step = data.size // rows
-        return self.parts.make(_IMAGE, header, rows, columns, encoding, 0, step, data)
-
-    def camera_info(self, camera: RecordedCamera, stamp: int) -> Any:
-        """Calibration of a camera; P[3] of the right one of a pair is −f·baseline."""
-        header = self.parts.header(stamp, self.views[camera.key])
-        return self._info(camera, header, camera.distortion, projection_of(self.recording, camera))
-
-    def depth_info(self, camera: RecordedCamera, stamp: int) -> Any:
-        """Calibration of the pictures whose depth is recorded, as of a camera alone."""
-        straight = truth_stream(camera) == RECTIFIED
-        lens = ("none", np.zeros(0)) if straight else camera.distortion
-        header = self.parts.header(stamp, self.frames[camera.key])
-        return self._info(camera, header, lens, np.hstack([camera.matrix, np.zeros((3, 1))]))
-
-    def _info(
-        self, camera: RecordedCamera, header: Any, lens: tuple[str, Array], projection: Array
-    ) -> Any:
-        model, given = lens
-        coefficients = np.zeros(4 if model == "equidistant" else 5)
-        coefficients[: len(given)] = given
-        region = self.parts.make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-        width, height = camera.size
-        return self.parts.make(
-            _INFO,
-            *(header, height, width, _MODELS[model]),
-            *(coefficients, camera.matrix.ravel(), np.eye(3).ravel(), projection.ravel()),
-            *(0, 0, region),
-        )
 
     def _cloud_topic(self, lidar: RecordedLidar, number: int) -> Topic:
         layout = _layout(self.recording, lidar, self.options)
@@ -407,16 +323,6 @@ def _written(recording: Recording, options: RosOptions) -> list[RecordedSensor]:
 def _layout(recording: Recording, lidar: RecordedLidar, options: RosOptions) -> Layout:
     """The layout of a lidar's clouds."""
     return layout_of(recording, lidar) if options.cloud == "lidar" else options.cloud
-
-
-def projection_of(recording: Recording, camera: RecordedCamera) -> Array:
-    """The projection matrix, shape [3, 4]: of undistorted pictures of the same focal length."""
-    found = np.hstack([camera.matrix, np.zeros((3, 1))])
-    for pair in recording.pairs:
-        if pair.right is camera:
-            found[:, :3] = pair.left.matrix
-            found[0, 3] = -found[0, 0] * pair.baseline
-    return found
 
 
 def in_order(topics: list[Topic], span: tuple[int, int], progress: Progress) -> Iterator[Message]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from terrain_forge.base import inverse_pose, portable
 from terrain_forge.datasets.clouds import layout_of
-from terrain_forge.datasets.ros import projection_of
+from terrain_forge.datasets.ros_cameras import projection_of
 from terrain_forge.datasets.ros_frames import frames_of
 from terrain_forge.datasets.streams import RecordedCamera, RecordedLidar
 from terrain_forge.datasets.systems.rig import Rig
