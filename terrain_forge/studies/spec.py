@@ -15,8 +15,6 @@ from terrain_forge.base import DataError, FileName, Key, RecipeError, Spec, comp
 from terrain_forge.evaluation import Adapter, ScoreOptions, find_system, with_binaries
 from terrain_forge.recipe import read_mapping
 
-Seeds = Annotated[int, Interval(ge=1, le=10_000)] | Annotated[tuple[int, ...], MinLen(1)]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RecordSpec(Spec):
