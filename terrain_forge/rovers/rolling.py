@@ -49,7 +49,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> tuple[Rover, dict[str, Fr
     bodies, treads = machine.stand(wheels)
     links, frames, notes = make_links(bodies, wheels, passive, treads)
     held = machine.held(wheels | passive)
-    steering = machine.steering(wheels | free_wheels)
+    upright = machine.upright(wheels | free_wheels)
     if held:
         notes = [f"Held at rest: {', '.join(held)}.", *notes]
     backward = [name for name in treads if machine.axis(name)[1] < 0.0]
@@ -81,7 +81,7 @@ def make_rover(assembly: Assembly, spec: FileRover) -> tuple[Rover, dict[str, Fr
         step_limit=spec.step_limit_m,
         couplings=machine.couplings(passive),
         held=tuple(held),
-        steering=tuple(name for name in held if name in steering),
+        steering=tuple(name for name in held if name in upright),
         notes=(*notes, *assembly.notes),
         unread=tuple(machine.unread(wheels, passive)),
     )
@@ -213,18 +213,19 @@ class _Machine:
         named = [b for b in self.bodies.values() if b.joint.kind != "fixed" and b.joint.name]
         return [b.joint.name for b in named if b.name not in moving]
 
-    def steering(self, wheels: set[str]) -> set[str]:
-        """Joints that steer wheels."""
+    def upright(self, wheels: set[str]) -> set[str]:
+        """Joints above wheels that turn about an upright axis: these steer where they are held."""
         above = {name for wheel in wheels for name in self._ancestors(wheel)}
-        return {self.bodies[n].joint.name for n in above if self._steers(self.bodies[n])}
+        return {self.bodies[n].joint.name for n in above if self._is_upright(self.bodies[n])}
 
-    def _steers(self, body: Body) -> bool:
-        return body.joint.kind == "revolute" and abs(self.axis(body.name)[2]) >= _UPRIGHT
+    def _is_upright(self, body: Body) -> bool:
+        return body.joint.kind in TURNING and abs(self.axis(body.name)[2]) >= _UPRIGHT
 
     def _is_suspension(self, body: Body) -> bool:
         joint = body.joint
         moves = joint.limits is None or joint.limits[0] < joint.limits[1]
-        return joint.kind in TURNING and moves and not joint.driven and not self._steers(body)
+        steers = joint.kind == "revolute" and self._is_upright(body)
+        return joint.kind in TURNING and moves and not joint.driven and not steers
 
     def _ancestors(self, name: str) -> list[str]:
         names = []
@@ -289,7 +290,8 @@ class _Machine:
                 raise DataError(
                     f"{self.file}: wheel {name!r} turns about "
                     f"({', '.join(f'{value:.2f}' for value in self.axis(name))}), not across the "
-                    f"rover: forward is {self.spec.forward}, choose another of x, -x, y, -y",
+                    f"rover: forward is {self.spec.forward}, choose another of x, -x, y, -y, or "
+                    "name the driven wheels by `wheels`",
                     key=("rover", "forward"),
                 )
         turned = placed(np.zeros(3), self.base)

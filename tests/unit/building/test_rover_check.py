@@ -54,6 +54,23 @@ def test_a_rover_of_a_file_with_steering_that_is_held(tub):
     )
 
 
+def test_held_steering_joints_without_limits_are_told_too(tub, tmp_path):
+    endless = re.sub(
+        r'("left_steer_wheel_joint" type=)"revolute"', r'\1"continuous"', tub.read_text()
+    )
+    assert endless != tub.read_text()
+    motor = '<transmission><joint name="left_steer_wheel_joint"/><actuator/></transmission>'
+    wheels = "".join(
+        f'<transmission><joint name="{side}_{end}_wheel_joint"/><actuator/></transmission>'
+        for side in ("left", "right")
+        for end in ("front", "rear")
+    )
+    file = tmp_path / "rover.urdf"
+    file.write_text(endless.replace("</robot>", f"{motor}{wheels}</robot>"))
+    rover = rovers.read(file, packages={"tub": str(tub.parents[1])})
+    assert rover.steering == ("left_steer_wheel_joint", "right_steer_wheel_joint")
+
+
 def test_sensors_of_its_file_are_said_not_to_be_read(tub, tmp_path):
     sensors = "".join(
         f"<gazebo reference='base'><sensor name='{n}' type='{kind}'/></gazebo>"

@@ -253,7 +253,7 @@ def test_driven_joints_are_held_and_wheels_without_a_motor_roll_freely(tub, tmp_
 
 def test_a_base_that_looks_another_way_is_turned(tub):
     rover = rovers.read(tub)
-    with pytest.raises(DataError, match=r"wheel '\w+' turns about .*, not across the rover"):
+    with pytest.raises(DataError, match=r"wheel '\w+' turns about .*, or name the driven wheels"):
         rovers.read(tub, forward="y")
     back = rovers.read(tub, forward="-x")
     np.testing.assert_allclose(back.wheel_centres[:, :2].mean(axis=0), 0, atol=1e-9)
