@@ -17,6 +17,9 @@ _ROUNDING = 1e-12
 """What rounding may leave of an inertia about the origin that is taken away again."""
 _THINNEST = 1e-9
 """Smallest principal inertia over the largest; a thin rod of 10 m and 1 mm has 1e-8."""
+_EDGE = 1e-6
+"""Part of the largest principal inertia by which thin discs, whose other two add up to it, are kept
+from the edge of what a body can have, where rounding decides whether engines take them."""
 _TAKEN = re.compile(r"world|path|rock_\d+|base_link_free|__.*__|.*::.*")
 """Names that engines and the exported scenes have for themselves."""
 
@@ -142,8 +145,9 @@ def _possible(inertia: Array, about_origin: Array, name: str) -> tuple[Array, li
     inertia = (inertia + inertia.T) / 2
     small, middle, large = portable.eigh(inertia)[0]
     rounding = _ROUNDING * float(np.trace(about_origin))
-    if small > max(rounding, _THINNEST * large) and large <= (small + middle) * (1 + 1e-6):
-        return inertia, []
+    beyond = large * (1 + _EDGE) - small - middle
+    if small > max(rounding, _THINNEST * large) and beyond <= 2 * _EDGE * large:
+        return inertia + max(beyond, 0.0) * np.eye(3), []
     mean = float(np.trace(inertia)) / 3
     if not mean > rounding:
         found = "a negative" if mean < -rounding else "no"

@@ -327,13 +327,18 @@ class _Machine:
         return {name: treads[name] for name in sorted(treads, key=places.__getitem__)}
 
     def torque(self, wheels: set[str], treads: dict[str, Tread], mass: float) -> float:
-        """The file's least effort of a wheel [N m]; else that for the steepest tilt, twice over."""
+        """The file's least effort of a wheel [N m]; else that for the steepest tilt, twice over.
+
+        What the wheels' own friction and damping take at the largest speed comes on top.
+        """
         joints = [self.bodies[name].joint for name in wheels]
         if efforts := [joint.effort for joint in joints if joint.effort]:
             return min(efforts)
         radius = max(tread.radius for tread in treads.values())
         slope = math.sin(math.radians(self.spec.tilt_limit_deg))
-        return 2 * mass * _EARTH * slope * radius / len(wheels)
+        rate = self.spec.speed_limit_m_s / min(tread.radius for tread in treads.values())
+        lost = max(joint.friction + joint.damping * rate for joint in joints)
+        return 2 * mass * _EARTH * slope * radius / len(wheels) + lost
 
 
 def measure_belly(bodies: Iterable[Body], *, radius: float, step_limit: float | None) -> float:

@@ -364,6 +364,28 @@ def test_an_inertia_that_no_body_has_is_evened_out_and_told(tub, tmp_path):
     np.testing.assert_allclose(wheel.inertia, np.eye(3) * (0.15 + 0.018) / 3)
 
 
+def test_thin_discs_askew_have_an_inertia_that_mujoco_takes(tub, tmp_path):
+    roll = math.pi / 2
+    changes = [('izz="0.015"', 'izz="0.018"'), (f'rpy="{roll} 0', f'rpy="{roll + 0.2} 0')]
+    rover = changed(tub, tmp_path, *changes)
+    assert not any("its mean" in note for note in rover.notes)
+    rovers.on_the_flat(rover, tmp_path)
+    wheel = next(link for link in rover.links if link.name == "right_front_wheel")
+    moments = np.linalg.eigvalsh(wheel.inertia)
+    np.testing.assert_allclose(moments, (0.009, 0.009, 0.018), rtol=1e-5)
+
+
+def test_motors_overcome_the_friction_of_their_own_joints(tub, tmp_path):
+    no_effort = ('<limit effort="12" velocity="8"/>', "")
+    rolling = 'damping="0.05" friction="0.01"'
+    ideal = changed(tub, tmp_path, no_effort, (rolling, ""), speed_limit_m_s=0.3)
+    stiff = changed(
+        tub, tmp_path, no_effort, (rolling, 'damping="5" friction="10"'), speed_limit_m_s=0.3
+    )
+    lost = stiff.torque_limit - ideal.torque_limit
+    assert lost == pytest.approx(10 + 5 * 0.3 / rovers.RADIUS, rel=1e-6)
+
+
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
 
