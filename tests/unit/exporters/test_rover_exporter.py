@@ -254,6 +254,17 @@ def test_cameras_look_where_the_rover_says(case):
         np.testing.assert_allclose(pose[3, :3], sensor.position, atol=1e-6)
 
 
+def test_wheels_of_several_radii_are_told_where_controllers_know_one(custom, tmp_path):
+    first, *others = custom.wheels
+    mixed = custom.replace(wheels=(first.replace(radius=1.5 * first.radius), *others))
+    one = "know one radius of all wheels: their mean, 0.169 m, of 0.15 to 0.225 m."
+    _, losses = exported(mixed, tmp_path / "mixed")
+    assert sum(one in loss for loss in losses) == 1
+    for folder, rover, formats in (("mjcf", mixed, ("mjcf",)), ("alike", custom, ("urdf",))):
+        _, losses = exported(rover, tmp_path / folder, formats=formats)
+        assert not any("one radius" in loss for loss in losses)
+
+
 def test_gears_are_kept_where_a_format_has_them(custom, tmp_path):
     assert custom.couplings
     folder, losses = exported(custom, tmp_path / "fortress")
