@@ -124,7 +124,8 @@ def _raster(path: Path) -> tuple[Array, bool]:
             size = f"{dataset.width:,} x {dataset.height:,}"
             raise DataError(f"{path}: has {size} pixels, at most {MAX_PIXELS:,} in all")
         heights = dataset.read(1, masked=True).astype(np.float64).filled(np.nan)
-        flags = dataset.read(2).astype(np.float64) if dataset.count > 1 else None
+        heights = heights * dataset.scales[0] + dataset.offsets[0]
+        flags = dataset.read(2, masked=True).filled(0) if dataset.count > 1 else None
         rows, columns = np.mgrid[: dataset.height, : dataset.width] + 0.5
         t = dataset.transform
         east, north = t.a * columns + t.b * rows + t.c, t.d * columns + t.e * rows + t.f

@@ -178,6 +178,18 @@ def test_files_of_every_kind_say_the_same(tmp_path):
     assert len(read_map(tmp_path / "square.npy").position) == 3
 
 
+def test_a_raster_of_scaled_numbers_has_heights_in_metres(tmp_path):
+    transform = rasterio.transform.from_origin(0.0, 2.0, 1.0, 1.0)
+    with rasterio.open(tmp_path / "g.tif", "w", width=2, height=2, count=2, dtype="int16",
+                       nodata=999, transform=transform) as raster:  # fmt: skip
+        raster.write(np.array([[150, 999], [-20, 0]]), 1)
+        raster.write(np.array([[999, 1], [0, 1]]), 2)
+        raster.scales, raster.offsets = (0.01, 1.0), (10.0, 0.0)
+    found = read_map(tmp_path / "g.tif")
+    np.testing.assert_allclose(found.position[:, 2], (11.5, 9.8, 10.0))
+    assert found.rock.tolist() == [False, False, True]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
