@@ -166,6 +166,7 @@ def _field_kinds(owner: type) -> dict[str, Any]:
 
 
 def _may_be_array(kind: Any) -> bool:
+    kind = _unfolded(kind)
     if get_origin(kind) in (Union, UnionType):
         return any(map(_may_be_array, get_args(kind)))
     return get_origin(kind) is np.ndarray
@@ -197,16 +198,25 @@ def _known(annotations: Mapping[str, Any], names: dict[str, Any]) -> dict[str, A
     return kinds
 
 
+def _unfolded(kind: Any) -> Any:
+    """What an alias stands for, as `type A = B` makes them; since NumPy 2.5 `NDArray` is one."""
+    alias, inner = get_origin(kind) or kind, get_args(kind)
+    if not hasattr(alias, "__value__"):
+        return kind
+    return _unfolded(alias.__value__[inner] if inner else alias.__value__)
+
+
 def is_of(value: Any, kind: Any) -> bool:
     """Whether a value is of an annotated type, as a type checker would say.
 
     A list or an array may stand for a tuple; what has the members of a protocol is of it.
     """
+    if kind == ArrayLike:
+        return _is_numeric(value)
+    kind = _unfolded(kind)
     outer, inner = get_origin(kind), get_args(kind)
     if kind in (Any, Self) or isinstance(kind, TypeVar):
         return True
-    if kind == ArrayLike:
-        return _is_numeric(value)
     if outer is np.ndarray:
         return isinstance(value, np.ndarray) and _is_array_of(value, inner[-1])
     if outer in (Union, UnionType):
@@ -285,11 +295,12 @@ def _keeps(value: Any, mark: Any) -> bool:
 
 def _words(kind: Any) -> str:
     """A type in words."""
+    array_like, kind = kind == ArrayLike, _unfolded(kind)
     outer, inner = get_origin(kind), get_args(kind)
     plain = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
     if kind in (None, NoneType):
         return "None"
-    if kind == ArrayLike or outer is np.ndarray:
+    if array_like or outer is np.ndarray:
         return "numbers, in rows of one length"
     if outer in (Union, UnionType):
         return " or ".join(dict.fromkeys(map(_words, inner)))
