@@ -11,8 +11,10 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 _DEEPEST = 8
 _RECIPES = ".yaml", ".yml"
-_NO_SPACE = {
+_MENDED = {
     "bash": {
+        "            COMPREPLY+=($value)\n": '            COMPREPLY+=("$value")\n'
+        "            [[ -f $value ]] && compopt -o filenames\n",
         "    return 0\n": "    [[ ${COMPREPLY[0]} == *[.=] ]] && compopt -o nospace\n"
         "    return 0\n",
     },
@@ -23,8 +25,10 @@ _NO_SPACE = {
         "_descriptions -U\n": '_descriptions -U "${ends[@]}"\n',
         "compadd -U ": 'compadd -U "${ends[@]}" ',
     },
+    "fish": {'string split ","': 'string split -m 1 ","'},
 }
-"""What click's scripts lack: after a key that goes on no space follows. Fish knows."""
+"""What click's scripts lack: after a key that goes on no space follows, which fish knows; bash
+quotes blanks of file names, and fish takes what holds commas."""
 
 
 def completion_script(command: click.Command, shell: str) -> str:
@@ -33,7 +37,7 @@ def completion_script(command: click.Command, shell: str) -> str:
     if found is None:
         raise click.UsageError(f"no completion for {shell}")
     script = found(command, {}, "terrain-forge", "_TERRAIN_FORGE_COMPLETE").source()
-    for old, new in _NO_SPACE.get(shell, {}).items():
+    for old, new in _MENDED.get(shell, {}).items():
         script = script.replace(old, new)
     return script
 

@@ -58,10 +58,15 @@ def test_terrain_models_and_recipes_to_fetch(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("shell", "no_space"), [("zsh", "ends=(-S '')"), ("fish", ""), ("bash", "compopt -o nospace")]
+    ("shell", "mended"),
+    [
+        ("zsh", ["ends=(-S '')"]),
+        ("fish", ["string split -m 1 "]),  # `sdf,mjcf` is one name
+        ("bash", ["compopt -o nospace", "[[ -f $value ]] && compopt -o filenames"]),
+    ],
 )
-def test_the_script_calls_us(shell, no_space):
+def test_the_script_calls_us(shell, mended):
     script = run("completion", shell).stdout
     assert "_TERRAIN_FORGE_COMPLETE=" in script
-    assert no_space in script
+    assert all(words in script for words in mended)
     assert script.count('"${ends[@]}"') == 2 * (shell == "zsh")
