@@ -57,7 +57,7 @@ def _of_link(link: Element, materials: set[str]) -> Iterator[str]:
         elif mass[0] < 0 or (mass[0] == 0 and any(moment != [0.0] for moment in moments)):
             yield f"link {name!r} has a mass of {mass[0]:g} kg"
     for part in (*link.findall("visual"), *link.findall("collision")):
-        solid = next(iter(part.find("geometry") or ()), None)
+        solid = part.find("geometry[1]/*")
         material = part.find("material")
         if solid is None or (solid.tag == "mesh" and not solid.get("filename")):
             yield f"link {name!r} has a {part.tag} without a geometry"

@@ -111,7 +111,7 @@ ATTACKS = {
     "walk of a function": (python("${sqrt.__self__.__loader__}"), "xacro", "unknown name"),
     "walk of a module": (python("${math.__loader__.load_module('os')}"), "xacro", "only arithmetic"),
     "walk by format": (python("${'{0.__class__}'.format(1)}"), "xacro", "unterminated"),
-    "f-string": (python("${f'{().__class__}'}"), "xacro", "unterminated|f-string"),
+    "f-string": (python("${f'{().__class__}'}"), "xacro", "unterminated|never closed|f-string"),
     "percent": (python("${'%999999999d' % 1}"), "xacro", "is no number"),
     "comprehension": (python("${[c for c in [1]]}"), "xacro", "only arithmetic"),
     "generator": (python("${sum(i for i in [1])}"), "xacro", "only arithmetic"),
