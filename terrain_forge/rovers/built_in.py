@@ -248,12 +248,15 @@ def build_rover(choice: BuiltInRover) -> FoundRover:
 
 def _require_fit(told: Description, names: Mapping[str, Value]) -> None:
     for name, requirement in told.require.items():
-        found, least = names[name], evaluate(requirement.above, names)
+        key = ("rover", "dimensions", name)
+        try:
+            found, least = names[name], evaluate(requirement.above, names)
+        except ValueError as error:  # of sizes that no rover has
+            why = f"must be more than {requirement.meaning}, {error}"
+            raise RecipeError(why, key=key) from None
         if found <= least:  # type: ignore[operator]
-            raise RecipeError(
-                f"{found:g} m, must be more than {requirement.meaning}, {least:g} m",
-                key=("rover", "dimensions", name),
-            )
+            why = f"{found:g} m, must be more than {requirement.meaning}, {least:g} m"
+            raise RecipeError(why, key=key)
 
 
 class _Listed(tuple[float, ...]):

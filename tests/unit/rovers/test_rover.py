@@ -142,6 +142,8 @@ def _recipe(rover):
     [
         (lambda: morpheus(dimensions={"wheel_radius_m": 0.3}),
          ("dimensions", "wheel_spacing_m")),
+        (lambda: morpheus(dimensions={"wheel_radius_m": 1.7e308}),
+         ("dimensions", "wheel_spacing_m")),
         (lambda: morpheus(dimensions={"mast_height_m": 0.3}),
          ("dimensions", "mast_height_m")),
         (lambda: skid4(dimensions={"track_m": 0.5}),
