@@ -52,12 +52,12 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
     losses = list(rover.losses)
     if "urdf" in options.formats or "sdf" in options.formats:
         losses.append("Only MJCF has the inertia of the wheels' gear trains (armature).")
-    low, high = float(min(rover.wheel_radii)), float(max(rover.wheel_radii))
-    if high > 1.01 * low and {"urdf", "sdf"}.intersection(options.formats):
-        losses.append(
-            f"Controllers of URDF and SDF know one radius of all wheels: their mean, "
-            f"{control.wheel_radius(rover):.3g} m, of {low:.3g} to {high:.3g} m."
-        )
+        low, high = float(min(rover.wheel_radii)), float(max(rover.wheel_radii))
+        if high > 1.01 * low:
+            losses.append(
+                "Controllers of URDF and SDF know one radius of all wheels: their mean, "
+                f"{control.wheel_radius(rover):.3g} m, of {low:.3g} to {high:.3g} m."
+            )
     if rover.couplings and "usd" in options.formats:
         losses.append(
             "USD physics has no joints that follow others: the rover's gears are left out."
