@@ -14,7 +14,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from terrain_forge.base import Array, Mask, SimulationError, load_model, matrix_from_quaternion
+from terrain_forge.base import (
+    Array,
+    Mask,
+    SimulationError,
+    load_model,
+    matrix_from_quaternion,
+    silent_mujoco,
+)
 from terrain_forge.model import Opening
 from terrain_forge.validation import (
     BACKDROP,
@@ -45,6 +52,7 @@ _GROUND, _OTHERS = 0, 5
 """Groups of what rays meet, and of what they pass through."""
 
 
+@silent_mujoco()
 def read_mjcf(sample: Sample, folder: Path, options: Any, scratch: Path) -> Reading:
     """An MJCF export as MuJoCo compiles it, all of it, with balls that come to rest in it.
 

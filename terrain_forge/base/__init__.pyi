@@ -68,6 +68,7 @@ from .links import lies_within as lies_within
 from .links import require_unlinked as require_unlinked
 from .links import resolved as resolved
 from .mujoco_files import load_model as load_model
+from .mujoco_files import silent_mujoco as silent_mujoco
 from .power_pieces import PowerPieces as PowerPieces
 from .progress import Progress as Progress
 from .progress import Stopwatch as Stopwatch

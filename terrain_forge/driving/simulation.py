@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from terrain_forge.base import SimulationError, load_model, quaternion_from_rpy
+from terrain_forge.base import SimulationError, load_model, quaternion_from_rpy, silent_mujoco
 from terrain_forge.driving.controller import (
     PlanarPath,
     PurePursuit,
@@ -55,6 +55,7 @@ def load_scene(path: Path) -> Any:
         raise SimulationError(f"{path}: MuJoCo cannot load it: {error}") from None
 
 
+@silent_mujoco()
 def drive(
     *,
     scene: Path | Any,

@@ -11,7 +11,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, Mask, OutputError, load_model, quaternion_from_rpy
+from terrain_forge.base import (
+    Array,
+    Mask,
+    OutputError,
+    load_model,
+    quaternion_from_rpy,
+    silent_mujoco,
+)
 from terrain_forge.building import exports_in, read_manifest
 from terrain_forge.model import MANIFEST, Rover, World
 from terrain_forge.paths import IMPASSABLE, stand
@@ -74,6 +81,7 @@ class Arena:
             data.qpos[parts.pose.start + 2] += _LIFT
             mujoco.mj_forward(model, data)
 
+    @silent_mujoco()
     def advance(self, steps: int) -> None:
         """Simulate so many time steps, with bodies where `qpos` then has them."""
         mujoco.mj_step(self.model, self.data, steps)

@@ -35,6 +35,7 @@ from terrain_forge.base import (
     mix,
     portable,
     remembered,
+    silent_mujoco,
     uniforms,
     worker_threads,
 )
@@ -219,6 +220,7 @@ def _tried(
     return None
 
 
+@silent_mujoco()
 def _rest(
     rock: DynamicRock, ground: Heightfield, place: Array, pose: Pose
 ) -> tuple[Pose, float] | None:

@@ -10,7 +10,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, load_model, matrix_from_quaternion, placed, portable
+from terrain_forge.base import (
+    Array,
+    load_model,
+    matrix_from_quaternion,
+    placed,
+    portable,
+    silent_mujoco,
+)
 from terrain_forge.rovers import bounds
 from terrain_forge.rovers.assembly import Assembly, Body, Joint, Solid, bare_shape
 from terrain_forge.rovers.bounds import FileError
@@ -50,13 +57,11 @@ def read_mjcf(file: Path, packages: Packages) -> tuple[Assembly, list[Path]]:
     """
     files = check_mjcf(file, packages)
     try:
-        mujoco.set_mju_user_warning(lambda _: None)  # it would print, and write a log
-        model = load_model(file)
+        with silent_mujoco():
+            model = load_model(file)
     except ValueError as error:
         why = " ".join(str(error).split())
         raise FileError(f"{file.name}: MuJoCo cannot load it: {why}") from None
-    finally:
-        mujoco.set_mju_user_warning(None)
     if model.nbody < 2:
         raise FileError(f"{file.name} holds no body")
     _require_sane(model, file.name)

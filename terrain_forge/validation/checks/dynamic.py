@@ -10,7 +10,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, SimulationError, worker_threads
+from terrain_forge.base import Array, SimulationError, silent_mujoco, worker_threads
 from terrain_forge.driving import load_scene
 from terrain_forge.model import Check, World, at_least, failed
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
@@ -72,6 +72,7 @@ class Dynamic(Inspection):
         return [at_least(title, 1.0 - gone / count, STAYING, note=note)]
 
 
+@silent_mujoco()
 def watch(world: World, scene: Path) -> Stay:
     """Let at most `MOST_WATCHED` dynamic rocks of an exported world.xml be for 5 s.
 
