@@ -35,6 +35,12 @@ def few_shapes(monkeypatch):
     monkeypatch.setattr("terrain_forge.making.planning.find_library", found)
 
 
+@pytest.fixture
+def use_threads(monkeypatch):
+    """Lets kernels run on so many threads."""
+    return partial(monkeypatch.setattr, "numba.config.NUMBA_NUM_THREADS")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _interrupts():
     """Who runs the tests in the background may have them ignore interrupts, which some raise."""

@@ -60,6 +60,7 @@ from .interpreter import python_words as python_words
 from .kernels import inlined as inlined
 from .kernels import inner as inner
 from .kernels import kernel as kernel
+from .kernels import kernel_threads as kernel_threads
 from .kernels import merged as merged
 from .kernels import over_chunks as over_chunks
 from .links import first_odd as first_odd

@@ -16,9 +16,10 @@ from logging import getLogger
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from numba import config, get_num_threads
+from numba import config
 
 from terrain_forge.base.interpreter import python_words
+from terrain_forge.base.kernels import kernel_threads
 from terrain_forge.base.listed import is_kept, kernel, listed, numba_types, signatures
 from terrain_forge.base.progress import Progress, silent
 from terrain_forge.base.shipped import unpack
@@ -43,7 +44,7 @@ def compile_ahead(progress: Progress = silent, *, purpose: str = "build") -> Non
     missing = _missing(purpose)
     if any(missing.values()) and unpack():
         missing = _missing(purpose)
-    threads = get_num_threads()
+    threads = kernel_threads()
     count = sum(map(len, missing.values()))
     if threads == 1 or count <= _FEW:
         return

@@ -17,12 +17,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numba import config, get_num_threads, njit
+from numba import config, njit
 
 from terrain_forge.base.compiler import KernelCompiler, PartCompiler
 from terrain_forge.base.errors import StorageError
 from terrain_forge.base.threads import hold_interrupts, worker_threads
 
+settings: Any = config
 _CHUNKS_PER_THREAD = 4
 _TRIED = 1024  # of so many parts one is done alone, then as many again as are done …
 _ALONE = 3e-4  # … for so long [s]: if work is left then, it pays for starting threads
@@ -62,6 +63,15 @@ inlined: Any = njit(error_model="numpy", inline="always")
 ones and for those that take many arrays."""
 
 
+def kernel_threads() -> int:
+    """How many threads kernels run on: NUMBA_NUM_THREADS, else one for each processor.
+
+    Numba's own way to ask launches threads that none of our kernels uses, with a lock between
+    processes, which from Python 3.14 on is told to have leaked where a process ends at once.
+    """
+    return int(settings.NUMBA_NUM_THREADS)
+
+
 def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
     """Call `part(first, last, *arguments)` for parts of range(count) that together are all of it.
 
@@ -71,7 +81,7 @@ def over_chunks(part: Callable[..., None], count: int, *arguments: Any) -> None:
         count: Number of elements.
         arguments: Passed on, arrays to be written among them.
     """
-    threads = get_num_threads()
+    threads = kernel_threads()
     done, last = 0, -(-count // _TRIED) if threads > 1 else count
     with hold_interrupts():  # it may be compiled
         begin = perf_counter()
@@ -107,7 +117,6 @@ def _find_place() -> None:
                 f"no folder takes the compiled kernels ({error}): name one in NUMBA_CACHE_DIR"
             ) from error
         os.environ["NUMBA_CACHE_DIR"] = str(folder)  # other processes of this run share it
-        settings: Any = config
         settings.CACHE_DIR = str(folder)
 
 

@@ -20,7 +20,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval, MinLen
-from numba import get_num_threads
 from numpy.random import Generator, Philox
 from numpy.typing import NDArray
 
@@ -34,6 +33,7 @@ from terrain_forge.base import (
     cache_folder,
     checked,
     from_plain,
+    kernel_threads,
     mix,
     portable,
     read_arrays,
@@ -183,7 +183,7 @@ def make_library(spec: LibrarySpec, *, custom: tuple[CustomMesh, ...] = ()) -> R
         return _prototype(family, lay_down(meshes, blank.axes), spec, name=f"shape {n} ({family})")
 
     files = {mesh.path: mesh.mesh for mesh in custom}
-    with worker_threads(get_num_threads(), leave=True) as pool:
+    with worker_threads(kernel_threads(), leave=True) as pool:
         prototypes = [*pool.map(made, range(spec.shapes))]
     for own in spec.meshes:
         close, *levels = levels_of_detail(files[own.file])

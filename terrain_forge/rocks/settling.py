@@ -26,11 +26,11 @@ from dataclasses import fields
 from hashlib import blake2b
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 
 from terrain_forge.base import (
     Array,
+    kernel_threads,
     matrix_from_quaternion,
     mix,
     portable,
@@ -152,7 +152,7 @@ def settle(
         return _settled(rock, grid, np.uint64(rocks.id[row]))
 
     found = []
-    with worker_threads(get_num_threads()) as pool:
+    with worker_threads(kernel_threads()) as pool:
         for outcome in pool.map(settled, wanted.tolist()):
             found.append(outcome)
             if progress and len(found) % 16 == 0:

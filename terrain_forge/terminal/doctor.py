@@ -81,12 +81,10 @@ def _told(find: Callable[[], str]) -> str:
 
 
 def _cores() -> str:
-    from numba import get_num_threads
-
-    from terrain_forge.base import processors
+    from terrain_forge.base import kernel_threads, processors
 
     count = os.cpu_count() or 1
-    return f"{count}, {processors()} for this process, {get_num_threads()} used by kernels"
+    return f"{count}, {processors()} for this process, {kernel_threads()} used by kernels"
 
 
 def _cache() -> str:

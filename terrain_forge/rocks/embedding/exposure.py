@@ -14,10 +14,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, inner, kernel, remembered, worker_threads
+from terrain_forge.base import Array, inner, kernel, kernel_threads, remembered, worker_threads
 from terrain_forge.model import RockPrototype
 from terrain_forge.rocks.embedding.outline import MAX_TILT, edges, exposed_diameter, mean_width
 
@@ -58,7 +57,7 @@ class Exposure(NamedTuple):
 
 def exposure(prototypes: Sequence[RockPrototype]) -> Exposure:
     """What decides the exposed diameters of prototypes, of which there may be none."""
-    with worker_threads(get_num_threads()) as pool:
+    with worker_threads(kernel_threads()) as pool:
         found = list(pool.map(_outermost, prototypes))
     vertices = [np.empty((0, 3)), *(rows for points, _ in found for rows in points)]
     crossings = [np.empty((0, 6)), *(rows for _, lines in found for rows in lines)]

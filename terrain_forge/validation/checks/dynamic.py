@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import get_num_threads
 from numpy.typing import NDArray
 
-from terrain_forge.base import Array, SimulationError, silent_mujoco, worker_threads
+from terrain_forge.base import Array, SimulationError, kernel_threads, silent_mujoco, worker_threads
 from terrain_forge.driving import load_scene
 from terrain_forge.model import Check, World, at_least, failed
 from terrain_forge.validation.inspection import BuiltFolder, Inspection
@@ -88,7 +87,7 @@ def watch(world: World, scene: Path) -> Stay:
         raise SimulationError(f"the exported world has no body of rock {missing[0]}")
     bodies = np.array([body[rock] for rock in rocks.id.tolist()])
     watched = np.unique(np.linspace(0, len(rocks) - 1, MOST_WATCHED).round().astype(np.intp))
-    parts = np.array_split(watched, min(get_num_threads(), len(watched)))
+    parts = np.array_split(watched, min(kernel_threads(), len(watched)))
     with worker_threads(len(parts)) as pool:
         moved = list(pool.map(lambda part: _let_be(model, bodies, part, scene), parts))
     shift, turn = np.concatenate(moved, axis=1)

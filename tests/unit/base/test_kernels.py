@@ -7,11 +7,11 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import get_num_threads
 from numba.core import config
 
 from terrain_forge.base import over_chunks
@@ -63,9 +63,9 @@ def test_parts_are_all_of_it_once(count: int) -> None:
     assert (done == 1).all()
 
 
-@pytest.mark.skipif(get_num_threads() == 1, reason="there is one thread")
-def test_work_that_begins_light_is_shared_too() -> None:
+def test_work_that_begins_light_is_shared_too(use_threads: Callable[[int], None]) -> None:
     """As a picture that begins with sky."""
+    use_threads(2)
     threads = set()
 
     def part(first: int, last: int) -> None:
@@ -75,3 +75,18 @@ def test_work_that_begins_light_is_shared_too() -> None:
 
     over_chunks(part, 200)
     assert threads - {threading.current_thread()}
+
+
+def test_no_lock_between_processes_is_left_behind() -> None:
+    """Python 3.14 begins processes so by default; it tells of locks that an ended one has left."""
+    code = """
+import multiprocessing, os
+multiprocessing.set_start_method("forkserver")
+from terrain_forge.base import kernel_threads, over_chunks
+over_chunks(lambda first, last: None, 1 << 20)
+os._exit(kernel_threads() == 3)
+"""
+    environment = os.environ | {"NUMBA_NUM_THREADS": "3"}
+    command = [sys.executable, "-c", code]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (1, "")

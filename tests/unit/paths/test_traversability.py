@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
-from numba import get_num_threads, set_num_threads
 
 from terrain_forge.base import RecipeError
 from terrain_forge.making import plan
@@ -179,15 +178,11 @@ def test_rocks_bar_the_way_and_low_ones_are_steps():
     assert rate(flat, rocks.select(low & ~low)).step.max() == 0.0
 
 
-def test_threads_change_nothing():
+def test_threads_change_nothing(use_threads):
     rocks, land = worlds.field(40), worlds.ground()
-    threads = get_num_threads()
     many = rate(land, rocks)
-    try:
-        set_num_threads(1)
-        assert rate(land, rocks) == many
-    finally:
-        set_num_threads(threads)
+    use_threads(1)
+    assert rate(land, rocks) == many
 
 
 RECIPE = {

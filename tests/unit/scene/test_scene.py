@@ -173,15 +173,14 @@ def test_a_far_away_tile_loses_no_precision(small_world):
     np.testing.assert_allclose(one.distance, other.distance, atol=1e-6)
 
 
-def test_same_bytes_for_any_number_of_threads(small_world, scene, monkeypatch):
+def test_same_bytes_for_any_number_of_threads(small_world, scene, use_threads):
     """Of casting and of taking a picture, whose bands are drawn by several."""
     random = np.random.default_rng(0)
     origins = random.uniform((-12, -8, 3), (12, 8, 4), (5000, 3))
     directions = random.normal(size=(5000, 3))
     found = []
     for threads in (1, 3):
-        name = "terrain_forge.base.kernels.get_num_threads"
-        monkeypatch.setattr(name, lambda n=threads: n)
+        use_threads(threads)
         hits = scene.cast(origins, directions)
         picture = render_preview(small_world, width=64, height=36)
         found.append([hits.distance, hits.normal, hits.rock, picture])

@@ -6,7 +6,6 @@ import io
 import json
 from functools import cache
 
-import numba
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -296,17 +295,13 @@ def test_a_wide_beam_mixes_what_it_spans_and_nothing_else(hill):
     assert np.nanmax(off) > 0.1
 
 
-def test_any_sweep_alone_is_the_same_in_bytes(hill):
+def test_any_sweep_alone_is_the_same_in_bytes(hill, use_threads):
     lidar = _lidar("os1-64", dropout=0.1, horizontal_samples=128, divergence_mrad=2.0)
     make = instrument_kinds()["lidar"]
     whole = [make(lidar, hill).measure(number)["data"] for number in (3, 4, 5)]
     fresh = Setting(world=hill.world, motion=hill.motion, scenery=hill.scenery, gravity=3.7, seed=1)
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        assert make(lidar, fresh).measure(5)["data"] == whole[2]
-    finally:
-        numba.set_num_threads(threads)
+    use_threads(1)
+    assert make(lidar, fresh).measure(5)["data"] == whole[2]
     assert make(lidar, fresh).measure(4)["data"] == whole[1]
     other = make(lidar.replace(name="twin"), hill).measure(3)["data"]
     assert other != whole[0]

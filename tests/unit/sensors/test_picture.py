@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from numba import get_num_threads, set_num_threads
 
 from terrain_forge.base import compass_to_direction
 from terrain_forge.model import Heightfield, Lighting, Mesh
@@ -208,13 +207,9 @@ def test_texture_stays_where_it_is_while_the_camera_moves(ball):
     assert np.corrcoef(first.ravel(), pictures[1][:, 12:].ravel())[0, 1] < 0.5
 
 
-def test_threads_and_repetition_change_nothing(setting, pose, exposure):
-    threads = get_num_threads()
-    set_num_threads(1)
-    try:
-        again = take_exposure(setting, rays=_rays(), **pose, tracks_behind=None)
-    finally:
-        set_num_threads(threads)
+def test_threads_and_repetition_change_nothing(setting, pose, exposure, use_threads):
+    use_threads(1)
+    again = take_exposure(setting, rays=_rays(), **pose, tracks_behind=None)
     for name in ("radiance", "depth", "instance", "normal", "sunlit"):
         assert np.array_equal(getattr(again, name), getattr(exposure, name))
 

@@ -3,7 +3,6 @@
 import csv
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 import rasterio
@@ -122,14 +121,10 @@ def test_a_window_has_the_bits_of_the_whole():
         assert part_id.tobytes() == rock_id[rows, columns].tobytes()
 
 
-def test_rasters_do_not_depend_on_the_number_of_threads(small_world):
+def test_rasters_do_not_depend_on_the_number_of_threads(small_world, use_threads):
     many = rock_rasters(small_world)
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        one = rock_rasters(small_world)
-    finally:
-        numba.set_num_threads(threads)
+    use_threads(1)
+    one = rock_rasters(small_world)
     assert all(a.tobytes() == b.tobytes() for a, b in zip(many, one, strict=True))
 
 
