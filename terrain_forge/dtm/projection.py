@@ -75,6 +75,10 @@ def scale_error(crs: str, size: tuple[float, float]) -> float:
     return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
 
 
+_CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"
+"""PROJ's projections in which meridians are evenly spaced lines of equal x."""
+
+
 def meridian_period(crs: str) -> float:
     """How far apart, in x, a CRS repeats a meridian; 0 where x does not repeat."""
     from rasterio.crs import CRS
@@ -82,11 +86,11 @@ def meridian_period(crs: str) -> float:
     parsed = CRS.from_wkt(crs)
     if parsed.is_geographic:
         return 360.0
-    values = parsed.to_dict()
-    if values.get("proj") != "eqc":
+    if parsed.to_dict().get("proj") not in _CYLINDRICAL:
         return 0.0
-    scale = np.cos(np.radians(float(values.get("lat_ts", 0.0))))
-    return float(2.0 * np.pi * ellipsoid(crs)[0] * scale)
+    x, _ = transform(geographic_crs(crs), crs, np.array([-120.0, 0.0, 120.0]), np.zeros(3))
+    thirds = np.abs(x - np.roll(x, 1))  # but for one across the seam, where there is one
+    return 3.0 * float(np.median(thirds))
 
 
 def wrap_around(crs: str, local: str, middle: float) -> tuple[float, float]:
