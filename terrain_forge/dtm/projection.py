@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +43,6 @@ def ellipsoid(crs: str) -> tuple[float, float]:
     Raises:
         DataError: if the CRS names none.
     """
-    import re
-
     match = re.search(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([\d.eE+]+),\s*([\d.eE+]+)', crs)
     if match is None:
         raise DataError(
@@ -73,6 +73,23 @@ def scale_error(crs: str, size: tuple[float, float]) -> float:
     The scale of a transverse Mercator grows by half the square of east over the radius.
     """
     return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
+
+
+_WESTWARD = re.compile(r'"POSITIVE_LONGITUDE_DIRECTION"\s*:\s*"WEST"', re.IGNORECASE)
+
+
+def crs_of(dataset: Any) -> str:
+    """WKT of a georeferenced rasterio dataset's CRS, whose longitudes count eastward.
+
+    Labels of PDS3 and VICAR may count them westward; GDAL takes their central meridian as it is.
+    """
+    from rasterio.crs import CRS
+
+    labels = [dataset.tags(ns=kind).values() for kind in ("json:PDS", "json:VICAR")]
+    if not any(_WESTWARD.search("".join(texts)) for texts in labels):
+        return str(dataset.crs.to_wkt())
+    values = dataset.crs.to_dict()
+    return str(CRS.from_dict({**values, "lon_0": -values.get("lon_0", 0.0)}).to_wkt())
 
 
 _CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"
