@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Sequence
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,21 +76,27 @@ def scale_error(crs: str, size: tuple[float, float]) -> float:
     return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
 
 
-_WESTWARD = re.compile(r'"POSITIVE_LONGITUDE_DIRECTION"\s*:\s*"WEST"', re.IGNORECASE)
+_LABELLED = "PDS", "VICAR", "ISIS2"
+_WESTWARD = re.compile(rb"POSITIVE_LONGITUDE_DIRECTION\s*=\s*[\"']?WEST", re.IGNORECASE)
+_LABEL = 2**18
+"""Bytes of a file within which its label is looked for."""
 
 
 def crs_of(dataset: Any) -> str:
     """WKT of a georeferenced rasterio dataset's CRS, whose longitudes count eastward.
 
-    Labels of PDS3 and VICAR may count them westward; GDAL takes their central meridian as it is.
+    Labels of PDS3, VICAR and ISIS 2 may count them westward; GDAL takes their central meridian as
+    it is.
     """
     from rasterio.crs import CRS
 
-    labels = [dataset.tags(ns=kind).values() for kind in ("json:PDS", "json:VICAR")]
-    if not any(_WESTWARD.search("".join(texts)) for texts in labels):
-        return str(dataset.crs.to_wkt())
-    values = dataset.crs.to_dict()
-    return str(CRS.from_dict({**values, "lon_0": -values.get("lon_0", 0.0)}).to_wkt())
+    if dataset.driver in _LABELLED:
+        with Path(dataset.name).open("rb") as file:
+            westward = _WESTWARD.search(file.read(_LABEL))
+        if westward:
+            values = dataset.crs.to_dict()
+            return str(CRS.from_dict({**values, "lon_0": -values.get("lon_0", 0.0)}).to_wkt())
+    return str(dataset.crs.to_wkt())
 
 
 _CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"

@@ -412,6 +412,47 @@ def test_longitudes_of_a_vicar_label_count_as_it_says(tmp_path):
         assert np.degrees(site.lonlat[0]) == pytest.approx(longitude, abs=1e-6)
 
 
+ISIS2 = """PDS_VERSION_ID=PDS3
+RECORD_BYTES=512
+LABEL_RECORDS=4
+^QUBE=5
+OBJECT=QUBE
+ AXES=3
+ AXIS_NAME=(SAMPLE,LINE,BAND)
+ CORE_ITEMS=(64,64,1)
+ CORE_ITEM_TYPE=PC_REAL
+ CORE_ITEM_BYTES=4
+ CORE_BASE=0.0
+ CORE_MULTIPLIER=1.0
+ SUFFIX_BYTES=4
+ SUFFIX_ITEMS=(0,0,0)
+ GROUP=IMAGE_MAP_PROJECTION
+  MAP_PROJECTION_TYPE=SINUSOIDAL
+  MAP_SCALE=0.002
+  CENTER_LATITUDE=0.0
+  CENTER_LONGITUDE=100.0
+  LINE_PROJECTION_OFFSET=-31.5
+  SAMPLE_PROJECTION_OFFSET=-31.5
+  A_AXIS_RADIUS=1737.4
+  B_AXIS_RADIUS=1737.4
+  C_AXIS_RADIUS=1737.4
+  POSITIVE_LONGITUDE_DIRECTION=EAST
+  COORDINATE_SYSTEM_NAME=PLANETOCENTRIC
+ END_GROUP=IMAGE_MAP_PROJECTION
+END_OBJECT=QUBE
+END
+"""
+
+
+@pytest.mark.parametrize(("direction", "longitude"), [("EAST", 100.0), ("WEST", -100.0)])
+def test_longitudes_of_an_isis2_label_count_as_it_says(direction, longitude, tmp_path):
+    label = ISIS2.replace("EAST", direction).encode().ljust(2048)
+    (tmp_path / "dtm.cub").write_bytes(label + bytes(4 * 64 * 64))
+    spec = RasterDtm(source="dtm.cub", size_m=(40.0, 40.0))
+    site, _ = look(spec, tmp_path, body=MOON, spacing=0.5)
+    assert np.degrees(site.lonlat[0]) == pytest.approx(longitude, abs=1e-3)
+
+
 @needs_data
 def test_landing_pixel_of_perseverance():
     with rasterio.open(JEZERO) as file:
