@@ -38,6 +38,7 @@ from .pixels import Pixels as Pixels
 from .places import expanded as expanded
 from .places import place_lines as place_lines
 from .places import terrain_models as terrain_models
+from .projection import crs_of as crs_of
 from .projection import ellipsoid as ellipsoid
 from .projection import geographic_crs as geographic_crs
 from .projection import scale_error as scale_error

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +44,6 @@ def ellipsoid(crs: str) -> tuple[float, float]:
     Raises:
         DataError: if the CRS names none.
     """
-    import re
-
     match = re.search(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([\d.eE+]+),\s*([\d.eE+]+)', crs)
     if match is None:
         raise DataError(
@@ -75,6 +76,33 @@ def scale_error(crs: str, size: tuple[float, float]) -> float:
     return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
 
 
+_LABELLED = "PDS", "VICAR", "ISIS2"
+_WESTWARD = re.compile(rb"POSITIVE_LONGITUDE_DIRECTION\s*=\s*[\"']?WEST", re.IGNORECASE)
+_LABEL = 2**18
+"""Bytes of a file within which its label is looked for."""
+
+
+def crs_of(dataset: Any) -> str:
+    """WKT of a georeferenced rasterio dataset's CRS, whose longitudes count eastward.
+
+    Labels of PDS3, VICAR and ISIS 2 may count them westward; GDAL takes their central meridian as
+    it is.
+    """
+    from rasterio.crs import CRS
+
+    if dataset.driver in _LABELLED:
+        with Path(dataset.name).open("rb") as file:
+            westward = _WESTWARD.search(file.read(_LABEL))
+        if westward:
+            values = dataset.crs.to_dict()
+            return str(CRS.from_dict({**values, "lon_0": -values.get("lon_0", 0.0)}).to_wkt())
+    return str(dataset.crs.to_wkt())
+
+
+_CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"
+"""PROJ's projections in which meridians are evenly spaced lines of equal x."""
+
+
 def meridian_period(crs: str) -> float:
     """How far apart, in x, a CRS repeats a meridian; 0 where x does not repeat."""
     from rasterio.crs import CRS
@@ -82,11 +110,11 @@ def meridian_period(crs: str) -> float:
     parsed = CRS.from_wkt(crs)
     if parsed.is_geographic:
         return 360.0
-    values = parsed.to_dict()
-    if values.get("proj") != "eqc":
+    if parsed.to_dict().get("proj") not in _CYLINDRICAL:
         return 0.0
-    scale = np.cos(np.radians(float(values.get("lat_ts", 0.0))))
-    return float(2.0 * np.pi * ellipsoid(crs)[0] * scale)
+    x, _ = transform(geographic_crs(crs), crs, np.array([-120.0, 0.0, 120.0]), np.zeros(3))
+    thirds = np.abs(x - np.roll(x, 1))  # but for one across the seam, where there is one
+    return 3.0 * float(np.median(thirds))
 
 
 def wrap_around(crs: str, local: str, middle: float) -> tuple[float, float]:

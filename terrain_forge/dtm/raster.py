@@ -14,6 +14,7 @@ from terrain_forge.base import Array, DataError, portable, reading, require_file
 from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.misnamed import remedy
 from terrain_forge.dtm.projection import (
+    crs_of,
     datum_radii,
     datum_radius,
     ellipsoid,
@@ -364,7 +365,7 @@ def _georeference(dataset: Any, spec: RasterDtm) -> tuple[str, tuple[float, ...]
     if dataset.crs is not None and not dataset.transform.is_identity:
         inverse = ~dataset.transform
         a, b, c, d, e, f = inverse[:6]
-        return dataset.crs.to_wkt(), (a, b, c - 0.5, d, e, f - 0.5)
+        return crs_of(dataset), (a, b, c - 0.5, d, e, f - 0.5)
     if spec.extent_m is None:
         return "", ()
     width, height = spec.extent_m

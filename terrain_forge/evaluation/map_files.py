@@ -22,7 +22,7 @@ from terrain_forge.base import (
     reading,
     require_file,
 )
-from terrain_forge.dtm import open_dataset
+from terrain_forge.dtm import crs_of, ellipsoid, open_dataset, transform
 
 MOST = 2**32
 """Bytes of a map."""
@@ -56,7 +56,7 @@ class MapPoints:
         return MapPoints(name=self.name, position=place, rock=self.rock)
 
 
-def read_map(path: Path | str, *, name: str = "") -> MapPoints:
+def read_map(path: Path | str, *, name: str = "", crs: str = "") -> MapPoints:
     """Read a map: PLY, PCD, LAS, LAZ, GeoTIFF, NumPy's array, or text of x y z.
 
     Places are metres. A GeoTIFF's first band holds heights at its pixels' middles, its second, if
@@ -64,8 +64,13 @@ def read_map(path: Path | str, *, name: str = "") -> MapPoints:
     [n, 4] or [rows, columns, 4]; so has text, with commas or blanks. What is not finite is left
     out, as a cell that was not mapped.
 
+    Args:
+        path: The file.
+        name: What tables call it; by default the file's name.
+        crs: WKT of the world's CRS, in which the places of a GeoTIFF are told that has another.
+
     Raises:
-        DataError: if it is none of these, or holds no point.
+        DataError: if it is none of these, holds no point, or lies on another body.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -74,6 +79,8 @@ def read_map(path: Path | str, *, name: str = "") -> MapPoints:
     require_file(path, str(path), most=MOST)
     with reading(str(path)):
         table, flagged = _READERS[ending](path)
+    if crs and _READERS[ending] is _raster:
+        table[:, 0], table[:, 1] = _laid(path, table[:, 0], table[:, 1], crs)
     finite = np.isfinite(table[:, :3]).all(axis=1)
     table = table[finite]
     if not len(table):
@@ -131,6 +138,24 @@ def _raster(path: Path) -> tuple[Array, bool]:
         east, north = t.a * columns + t.b * rows + t.c, t.d * columns + t.e * rows + t.f
     parts = [east, north, heights, *([] if flags is None else [flags])]
     return np.stack([part.ravel() for part in parts], axis=-1), flags is not None
+
+
+def _laid(path: Path, x: Array, y: Array, crs: str) -> tuple[Array, Array]:
+    """Places of a raster in the CRS `crs`: as they are where it is the raster's, or it has none."""
+    from rasterio.crs import CRS
+
+    with open_dataset(path) as dataset:
+        own = dataset.crs
+        if own is None or own == CRS.from_wkt(crs) or not (own.is_projected or own.is_geographic):
+            return x, y
+        wkt = crs_of(dataset)
+    found, radius = ellipsoid(wkt)[0], ellipsoid(crs)[0]
+    if abs(found / radius - 1.0) > 0.05:
+        raise DataError(
+            f"{path}: lies on a body of {found / 1e3:.0f} km radius, the world on one of "
+            f"{radius / 1e3:.0f} km: give it the world's CRS, or none"
+        )
+    return transform(wkt, crs, x, y)
 
 
 _READ_LAS = """

@@ -58,7 +58,7 @@ def score_maps(
     found: list[MapPoints] = []
     for told in maps:
         progress(f"maps: {told}", len(found) / len(maps))
-        found.append(_placed(told, evaluated))
+        found.append(_placed(told, evaluated, world.site.crs))
     names = [one.name for one in found]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise DataError(f"--map: two maps are called {twice!r}, by their files: rename one")
@@ -66,10 +66,10 @@ def score_maps(
     return [score_map(world, one, grid) for one in found]
 
 
-def _placed(told: str, evaluated: Path | None) -> MapPoints:
+def _placed(told: str, evaluated: Path | None, crs: str) -> MapPoints:
     system, equals, file = told.partition("=")
     if not equals or Path(told).exists():
-        return read_map(told)
+        return read_map(told, crs=crs)
     return read_map(file, name=f"{system}: {Path(file).stem}").moved(_motion(system, evaluated))
 
 

@@ -22,6 +22,7 @@ from terrain_forge.base import (
 from terrain_forge.dtm import (
     Nodes,
     bands_of,
+    crs_of,
     cubic,
     ellipsoid,
     node_places,
@@ -112,7 +113,7 @@ def _place(dataset: Any, name: str, site: Site, image: str) -> Orthoimage:
     else:
         if not site.georeferenced:
             raise DataError(f"{image} is georeferenced and the site is not", key=_KEY)
-        crs, own = dataset.crs.to_wkt(), site.body.mean_radius
+        crs, own = crs_of(dataset), site.body.mean_radius
         radius, _ = ellipsoid(crs)
         if abs(radius / own - 1.0) > 0.05:
             raise DataError(

@@ -190,6 +190,42 @@ def test_a_raster_of_scaled_numbers_has_heights_in_metres(tmp_path):
     assert found.rock.tolist() == [False, False, True]
 
 
+WORLD = "+proj=tmerc +lat_0=0 +lon_0=20 +R=1737400"
+DEGREE = np.pi * 1737400.0 / 180.0
+
+
+@pytest.mark.parametrize(
+    ("crs", "west", "north", "step"),
+    [
+        ("+proj=longlat +R=1737400", 20.0 - 1.0 / DEGREE, 2.0 / DEGREE, 1.0 / DEGREE),
+        ("+proj=eqc +lon_0=0 +R=1737400", 20.0 * DEGREE - 1.0, 2.0, 1.0),
+        (WORLD, -1.0, 2.0, 1.0),
+        ('LOCAL_CS["map",UNIT["metre",1]]', -1.0, 2.0, 1.0),
+        (None, -1.0, 2.0, 1.0),
+    ],
+)
+def test_a_raster_lies_where_its_crs_says(tmp_path, crs, west, north, step):
+    """Two pixels of a metre each way, whose middle is 1 m north of the world's."""
+    transform = rasterio.transform.from_origin(west, north, step, step)
+    with rasterio.open(tmp_path / "g.tif", "w", width=2, height=2, count=1, dtype="float32",
+                       transform=transform, crs=crs) as raster:  # fmt: skip
+        raster.write(np.arange(4.0).reshape(1, 2, 2))
+    found = read_map(tmp_path / "g.tif", crs=rasterio.CRS.from_string(WORLD).to_wkt()).position
+    np.testing.assert_allclose(found[:, 0], (-0.5, 0.5, -0.5, 0.5), atol=1e-4)
+    np.testing.assert_allclose(found[:, 1], (1.5, 1.5, 0.5, 0.5), atol=1e-4)
+    np.testing.assert_allclose(found[:, 2], range(4))
+
+
+def test_a_raster_of_another_body_is_no_map(world, tmp_path):
+    transform = rasterio.transform.from_origin(-3.0, 2.25, 0.15, 0.15)
+    with rasterio.open(tmp_path / "g.tif", "w", width=40, height=30, count=1, dtype="float32",
+                       transform=transform, crs="EPSG:32633") as raster:  # fmt: skip
+        raster.write(np.zeros((1, 30, 40)))
+    placed = world.replace(site=world.site.replace(crs=rasterio.CRS.from_string(WORLD).to_wkt()))
+    with pytest.raises(DataError, match="body of 6378 km radius, the world on one of 1737 km"):
+        score_maps(placed, [f"{tmp_path}/g.tif"], area=AREA)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [

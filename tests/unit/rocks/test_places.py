@@ -63,6 +63,14 @@ def equirectangular(x, y, *, middle=0.0, true_lat=0.0):
     return middle + x / scale, y / DEGREE
 
 
+def upright_mercator(x, y):
+    return x / DEGREE, np.degrees(np.arctan(np.sinh(y / R)))
+
+
+def cylindrical_equal_area(x, y):
+    return x / DEGREE, np.degrees(np.arcsin(y / R))
+
+
 def south_polar(x, y):
     """Stereographic, true at the pole; Snyder 1987, eq. 20-18."""
     away = np.hypot(x, y)
@@ -121,6 +129,19 @@ CASES = {
     ),
     "equirectangular across the seam": Case(
         EQC, equirectangular, (180.0 * DEGREE, 12 * DEGREE), (1.0, -1.0), asked=(-180.0, 12.0)
+    ),
+    "equirectangular in kilometres across the seam": Case(
+        f"+proj=eqc +lat_ts=0 +lon_0=0 +R={R} +units=km",
+        lambda x, y: equirectangular(1e3 * x, 1e3 * y), (0.18 * DEGREE, 0.012 * DEGREE),
+        (1e-3, -1e-3), asked=(-180.0, 12.0),
+    ),
+    "Mercator across the seam": Case(
+        f"+proj=merc +lon_0=0 +R={R}", upright_mercator, (-180.0 * DEGREE, 0.0), (1.0, -1.0),
+        asked=(180.0, 0.0),
+    ),
+    "cylindrical equal-area across the seam": Case(
+        f"+proj=cea +lat_ts=0 +lon_0=0 +R={R}", cylindrical_equal_area, (180.0 * DEGREE, 0.0),
+        (1.0, -1.0), asked=(-180.0, 0.0),
     ),
     "equirectangular around 180°": Case(
         f"+proj=eqc +lat_ts=0 +lon_0=180 +R={R}",
