@@ -6,7 +6,6 @@ What a command's exit status means stands in `terminal/running.py`.
 from __future__ import annotations
 
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import click
@@ -34,6 +33,7 @@ from terrain_forge.terminal import (
     say,
     show_log,
     side_by_side,
+    word,
 )
 
 
@@ -71,7 +71,7 @@ def init(directory: Path, listed: bool, recipe: str) -> None:
             say(f"{name:<14} {about}")
         return
     path = write_starter(directory, recipe)
-    say(f"{path}: edit it, then run  terrain-forge build {quote(str(path))}")
+    say(f"{path}: edit it, then run  terrain-forge build {word(path)}")
 
 
 @cli.command()

@@ -26,6 +26,7 @@ from terrain_forge.base import (
     hint_at,
     require_scheduler,
     resolved,
+    telling_interrupts,
 )
 from terrain_forge.model import Export, Site, Window, World
 from terrain_forge.recipe import (
@@ -444,8 +445,10 @@ def record(
         out = resolved(out)
         recorded = recording.record_dataset(world, out, spec, order, watch)
         if out == place:
-            watch("report page")
-            renew_report_page(world, out, force=force)
+            left = "the recording is complete, its report page is not renewed"
+            with telling_interrupts(lambda: left):
+                watch("report page")
+                renew_report_page(world, out, force=force)
         return recorded
 
 

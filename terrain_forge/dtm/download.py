@@ -25,6 +25,7 @@ from terrain_forge.base import (
     DataError,
     Progress,
     StorageError,
+    ask_for_interrupt,
     cache_folder,
     read_text,
     size_text,
@@ -145,6 +146,7 @@ def ask(url: str, name: str, *, wish: str) -> Answer:
             f"{quote(wish)}",
             key=_KEY,
         )
+    ask_for_interrupt()  # one that came in an import may have been dropped there
     with _get(url, name, {"Range": "bytes=0-0"}) as answer:
         in_pieces = answer.status_code == 206
         size = answer.headers.get("Content-Length", "")

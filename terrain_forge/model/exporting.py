@@ -22,6 +22,7 @@ from terrain_forge.base import (
     complaint,
     failure_words,
     hint_at,
+    hold_interrupts,
     is_ours,
     load_plugin,
     plugin_at_fault,
@@ -226,10 +227,11 @@ def prepare(exporter: Exporter, options: Any) -> None:
     A library whose constructors give Python's lock away, as OpenUSD's do, waits for ever where
     another thread of Python's asks the loader meanwhile, which NumPy does for large arrays.
     """
-    exporter.export  # noqa: B018  # a door loads what is behind it when asked
-    load = getattr(exporter, "prepare", None)
-    if load is not None:
-        load(options)
+    with hold_interrupts():  # OpenUSD prints what interrupts its import, and goes on half made
+        exporter.export  # noqa: B018  # a door loads what is behind it when asked
+        load = getattr(exporter, "prepare", None)
+        if load is not None:
+            load(options)
 
 
 @dataclass(frozen=True, kw_only=True)

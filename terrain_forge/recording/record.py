@@ -156,6 +156,6 @@ def _measure_all(store: Store, work: Work, watch: Stopwatch) -> None:
             rate = count / max(time.monotonic() - since, 1e-9)
             text = f"recording: {count:,} of {len(tasks):,}, {rate:.3g} a second"
             watch(text, done / whole if whole else 1.0)
-    watch("tables")
-    if expected["recording"] > _TELLING:
-        learn(expected, watch.seconds, watch.work)
+        watch("tables")
+        if expected["recording"] > _TELLING:
+            learn(expected, watch.seconds, watch.work)

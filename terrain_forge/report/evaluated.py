@@ -15,6 +15,7 @@ from terrain_forge.base import (
     require_unlinked,
     resolved,
     silent,
+    telling_interrupts,
 )
 from terrain_forge.building import holding
 from terrain_forge.evaluation import (
@@ -83,14 +84,15 @@ def evaluate(
         progress=progress,
     )  # fmt: skip
     if (out / "world").is_dir() and dataset_folder(out).is_dir():
-        try:
-            world = World.load(out)
-        except OutputError as error:  # no reason to lose what took hours: a recording tells all
-            _log.warning("evaluated, but the report page is not written anew: %s", error)
-            return results
-        _score_own_maps(world, results, out, progress, force=force)
-        progress("report page", 0.0)
-        renew_report_page(world, out)
+        with telling_interrupts(lambda: "all runs are scored, the report page is not renewed"):
+            try:
+                world = World.load(out)
+            except OutputError as error:  # no reason to lose what took hours: a recording tells all
+                _log.warning("evaluated, but the report page is not written anew: %s", error)
+                return results
+            _score_own_maps(world, results, out, progress, force=force)
+            progress("report page", 0.0)
+            renew_report_page(world, out)
     return results
 
 
@@ -164,6 +166,7 @@ def evaluate_maps(
         if folder.is_dir():
             _keep_maps(scores, out, force=force)
     if folder.is_dir():
-        progress("report page", 0.0)
-        renew_report_page(world, out)
+        with telling_interrupts(lambda: "the maps are scored, the report page is not renewed"):
+            progress("report page", 0.0)
+            renew_report_page(world, out)
     return scores

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from terrain_forge.base import telling_interrupts
 from terrain_forge.building import (
     altered_files,
     exports_in,
@@ -34,8 +33,7 @@ def renew_report_page(world: World, out: Path, *, force: bool = False) -> None:
         require_listed(out, manifest, also=("report.html",), force=force)
         altered.pop("report.html", None)
         exports = exports_in(manifest)
-        left = "the recording is complete, its report page is not renewed"
-        with telling_interrupts(lambda: left), updating(out, foreign=foreign) as fresh:
+        with updating(out, foreign=foreign) as fresh:
             write_report_page(world, fresh, exports=exports, dataset=dataset_folder(out))
             write_manifest(world.site, fresh, exports=exports, known=altered, foreign=foreign)
     except Exception as error:

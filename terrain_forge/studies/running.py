@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -128,12 +129,7 @@ def run_cells(
     missing += _failing(study, out)
     count = len({cell.digest for cell in study.cells})
     jobs = _jobs(missing, jobs, out, keep=study.file.spec.keep, whole=len(missing) == count)
-
-    def told() -> str:
-        done = count - len(_missing(study, out))
-        return f"{done} of {count} cells are in {out}: the same command goes on from there"
-
-    with telling_interrupts(told), holding(out):
+    with telling_interrupts(partial(cells_left, study, out)), holding(out):
         for digest in sorted({cell.digest for cell in study.cells}):
             for folder in (KEPT, dataset_folder(Path()).name):
                 require_unlinked(out, f"{CELLS}/{digest}/{folder}")
@@ -147,6 +143,13 @@ def run_cells(
     found = [result_of(cell, out) for cell in study.cells]
     nothing = {"status": "failed", "why": "its process ended", "results": []}
     return [one or nothing for one in found]
+
+
+def cells_left(study: Study, out: Path) -> str:
+    """What an interrupt leaves behind."""
+    count = len({cell.digest for cell in study.cells})
+    done = count - len(_missing(study, out))
+    return f"{done} of {count} cells are in {out}: the same command goes on from there"
 
 
 def require_folder(study: Study, out: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from terrain_forge.base import Progress, silent
+from terrain_forge.base import Progress, silent, telling_interrupts
 from terrain_forge.studies.cells import Study, study_of
 from terrain_forge.studies.effects import Outcome, outcomes_of, write_tables
 from terrain_forge.studies.page import write_study_page
-from terrain_forge.studies.running import run_cells
+from terrain_forge.studies.running import cells_left, run_cells
 from terrain_forge.studies.spec import read_study
 
 
@@ -56,6 +57,7 @@ def run_study(
     study = study_of(read_study(path, trust=trust))
     folder = Path(out or study.file.name).absolute()
     results = run_cells(study, folder, jobs=jobs, progress=progress)
-    outcomes = outcomes_of(study, results)
-    files = [*write_study_page(study, outcomes, folder), *write_tables(study, outcomes, folder)]
+    with telling_interrupts(partial(cells_left, study, folder)):
+        outcomes = outcomes_of(study, results)
+        files = [*write_study_page(study, outcomes, folder), *write_tables(study, outcomes, folder)]
     return StudyResult(study=study, outcomes=tuple(outcomes), files=tuple(files))

@@ -13,6 +13,7 @@ from .given import located as located
 from .lines import say as say
 from .lines import show_log as show_log
 from .lines import time_text as time_text
+from .lines import word as word
 from .options import DRIVES as DRIVES
 from .options import FORCE as FORCE
 from .options import ONLY as ONLY

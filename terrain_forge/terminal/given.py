@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shlex import quote
 
 from terrain_forge.base import Progress, RecipeError, TerrainForgeError
 from terrain_forge.dtm import ARRAYS, RasterDtm, at_hand, fetch_product, file_to_open
 from terrain_forge.model import BODIES
 from terrain_forge.recipe import RecipeFile, load_recipe
+from terrain_forge.terminal.lines import word
 
 _RASTERS = {
     *(".tif", ".tiff", ".img", ".lbl", ".cub", ".jp2", ".png", ".jpg", ".jpeg", ".vrt", ".asc"),
@@ -69,6 +69,6 @@ def _refuse_raster(path: Path) -> None:
     name = file_to_open(path).name
     raise RecipeError(
         f"{path}: this is a raster, no recipe: write one with dtm: {{source: {name}, size_m: [40, "
-        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {quote(name)}` "
+        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {word(name)}` "
         "describes it"
     )

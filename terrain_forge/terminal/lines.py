@@ -6,6 +6,8 @@ import logging
 import os
 import warnings
 from functools import partial
+from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import click
@@ -21,6 +23,12 @@ _NOISY = "numba", "rasterio", "matplotlib", "PIL", "trimesh"
 def say(text: str, *, err: bool = False) -> None:
     """Show one line."""
     click.echo(_plain(text), err=err)
+
+
+def word(path: Path | str) -> str:
+    """A path as a word of a command line; one that begins with a dash is no option in it."""
+    text = click.format_filename(path)
+    return quote(f"./{text}" if text.startswith("-") else text)
 
 
 def time_text(seconds: float) -> str:

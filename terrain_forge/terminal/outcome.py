@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
@@ -16,7 +15,7 @@ from terrain_forge import tiling
 from terrain_forge.base import OutputError, StorageError, size_text
 from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
-from terrain_forge.terminal.lines import say, time_text
+from terrain_forge.terminal.lines import say, time_text, word
 from terrain_forge.terminal.running import FAILED_CHECK
 from terrain_forge.validation import checks_of, failed_checks, report_text
 
@@ -33,7 +32,7 @@ def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
     """Say what a build made and how it is looked at."""
     if isinstance(result, tiling.TiledResult):
         say(f"{out}: {tiling.progress_figures(result)}, in {time_text(seconds)}")
-        say(f"  look at it: terrain-forge view {quote(click.format_filename(out))}")
+        say(f"  look at it: terrain-forge view {word(out)}")
         return
     world = result.world
     if result.removed:
@@ -44,7 +43,7 @@ def tell_build(result: BuildResult, out: Path, seconds: float) -> None:
         f"  {_count(len(world.field), 'rock')}, {_count(len(world.trajectories), 'path')}, "
         f"{kinds or 'no export'}: {size_text(_size(out))} in {time_text(seconds)}"
     )
-    say(f"  look at it: terrain-forge view {quote(click.format_filename(out))}")
+    say(f"  look at it: terrain-forge view {word(out)}")
     tell_openings(out, result.exports)
 
 
@@ -140,7 +139,7 @@ def show_report(out: Path, *, opened: bool) -> None:
         read_manifest(out)
     page = (out / "report.html").absolute()
     if not page.is_file():
-        command = f"terrain-forge validate {quote(str(out))}"
+        command = f"terrain-forge validate {word(out)}"
         raise OutputError(f"{out} has no report page; `{command}` makes it")
     say(str(page))
     if opened and not _opened(page):

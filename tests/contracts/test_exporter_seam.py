@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -13,12 +14,14 @@ import pytest
 
 from terrain_forge.base import RecipeError, Stopwatch
 from terrain_forge.building import exports_in, write_export, write_files, write_manifest
-from terrain_forge.model import Export, ExportReport, Opening, exporter, plain_options
+from terrain_forge.model import Export, ExportReport, Opening, exporter, plain_options, prepare
 from terrain_forge.recipe import ExportOrder, ValidateSpec
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.summary import Usage
+from terrain_forge.tiling import require_tiles
 from terrain_forge.validation import BuiltFolder, Consumer, NotRun
 from terrain_forge.validation.suite import conformance, consumers, quick_checks
+from tests.helpers import worlds
 from tests.helpers.places import ROOT, parsed
 
 KINDS = sorted(path.parent.name for path in (ROOT / "exporters").glob("*/writing.py"))
@@ -116,6 +119,24 @@ def test_openusd_is_loaded_by_preparing(kind):
         "prepare(e, e.Options()); assert 'pxr.Usd' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=100)
+
+
+def test_an_interrupt_waits_until_an_exporters_code_is_loaded():
+    """OpenUSD prints what interrupts its import, and goes on half made."""
+    loaded = []
+
+    class Door:
+        def __getattr__(self, name):
+            signal.raise_signal(signal.SIGINT)
+            loaded.append(name)
+            return lambda *_: None
+
+    order = ExportOrder(folder="door", kind="door", exporter=Door(), options=None)
+    with pytest.raises(KeyboardInterrupt):
+        prepare(order.exporter, order.options)
+    with pytest.raises(KeyboardInterrupt):
+        require_tiles(worlds.site().recipe, [order])
+    assert loaded == ["export", "prepare", "export_tile", "join_tiles"]
 
 
 def test_the_drive_takes_an_mjcf_and_no_other_world_xml(small_world, tmp_path):

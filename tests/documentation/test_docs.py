@@ -14,7 +14,9 @@ import pytest
 import terrain_forge as tf
 from terrain_forge.base import DataError
 from terrain_forge.pipeline import check
+from tests.helpers import worlds
 from tests.helpers.places import ROOT
+from tests.helpers.rovers import morpheus
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
@@ -35,6 +37,21 @@ def test_api_tour_runs(tmp_path, monkeypatch):
         exec(code, namespace)
     assert (tmp_path / "garden" / "sdf" / "world.sdf").is_file()
     assert len((tmp_path / "points.xyz").read_text().splitlines()) == 97 * 129
+
+
+@pytest.mark.parametrize("kind", ["mjcf", "geotiff", "usd"])
+def test_pages_of_exporters_open_them_as_they_say(kind, tmp_path, monkeypatch):
+    """In order, in one namespace, in the world's folder."""
+    page = ROOT / "docs" / "exporters" / f"{kind}.md"
+    blocks = re.findall(r"^```py\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+    assert blocks
+    world, exporter = worlds.world(rover=morpheus()), tf.exporter(kind)
+    (tmp_path / kind).mkdir()
+    exporter.export(world, tmp_path / kind, options=exporter.Options())
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, object] = {}
+    for block in blocks:
+        exec(block.replace("loop", world.trajectories[0].name), namespace)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import signal
+from contextlib import suppress
 
 import numpy as np
 import pytest
 import requests
 
 import terrain_forge as tf
-from terrain_forge.base import DataError, RecipeError, StorageError
+from terrain_forge.base import DataError, RecipeError, StorageError, listen_for_interrupts
 from terrain_forge.building import write_manifest
 from terrain_forge.dtm import RasterDtm, download, expanded, fetch_product
 from terrain_forge.dtm.download import CHUNK
@@ -205,6 +207,16 @@ def test_an_interrupt_tells_what_is_kept(web, file, next_one):
         fetch_product(GALE.product, progress=interrupt)
     assert fetch_product(GALE.product).read_bytes() == DTM
     assert web.asked[-1][1] == (f"bytes={CHUNK}-" if next_one == "goes on" else "")
+
+
+def test_an_interrupt_that_an_import_dropped_is_told_before_a_server_is_asked(web):
+    url = web.put("/dem.tif", File(data=DTM))
+    with listen_for_interrupts():
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            download.ask(url, "dem", wish="dem")
+    assert web.asked == []
 
 
 def test_a_server_without_pieces_or_tags(web):

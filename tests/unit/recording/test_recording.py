@@ -362,9 +362,12 @@ def test_a_disk_too_small_is_refused_and_a_full_one_leaves_no_half(world, tmp_pa
     assert not (tmp_path / "dataset/.writing").exists()
 
 
-def _at_formats(stage, share=0.0):
-    if stage.startswith("formats"):
-        raise KeyboardInterrupt
+def _at(name):
+    def progress(stage, share=0.0):
+        if stage.startswith(name):
+            raise KeyboardInterrupt
+
+    return progress
 
 
 def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
@@ -372,12 +375,22 @@ def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
         KeyboardInterrupt, match=r"^\d+ of \d+ missing measurements are in .*goes on"
     ):
         tf.record(world, tmp_path, progress=_interrupting)
-    with pytest.raises(
-        KeyboardInterrupt, match=r"^(\d+) of \1 missing measurements are in .*goes on"
-    ):
-        tf.record(world, tmp_path, formats={"calibration": {}}, progress=_at_formats)
+    for stage in ("tables", "formats"):
+        with pytest.raises(
+            KeyboardInterrupt, match=r"^(\d+) of \1 missing measurements are in .*goes on"
+        ):
+            tf.record(world, tmp_path, formats={"calibration": {}}, progress=_at(stage))
     assert threading.active_count() < 20
     assert list(tmp_path.glob(".terrain-forge*")) == []
+
+
+def test_an_interrupt_over_the_page_says_that_all_is_recorded(world, tmp_path):
+    world.save(tmp_path)
+    manifest = {"format": 2, "outputs": {}, "varying": [], "exports": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    told = "^the recording is complete, its report page is not renewed$"
+    with pytest.raises(KeyboardInterrupt, match=told):
+        tf.record(tmp_path, only=("eye",), end=0.5, progress=_at("report page"))
 
 
 def test_the_command_ends_with_one_line_and_its_status(world, tmp_path, monkeypatch):

@@ -17,7 +17,7 @@ from terrain_forge.evaluation import (
     paper_rows,
     read_errors,
 )
-from terrain_forge.report import evaluate
+from terrain_forge.report import evaluate, evaluate_maps
 from terrain_forge.report.page import render
 from terrain_forge.report.section import Built
 from terrain_forge.report.sections.localisation import Localisation
@@ -135,3 +135,19 @@ def test_results_are_told_of_a_world_that_cannot_be_loaded(tmp_path, caplog):
     (result,) = evaluate(tmp_path, [Adapter(name="mine", command=command, frame="cam0")])
     assert result.score is not None
     assert "evaluated, but the report page is not written anew: " in caplog.text
+
+
+def test_an_interrupt_over_the_page_says_what_is_scored(tmp_path):
+    def interrupt(stage, _):
+        if stage == "report page":
+            raise KeyboardInterrupt
+
+    write_recording(tmp_path / "dataset")
+    worlds.world().save(tmp_path)
+    (tmp_path / "map.txt").write_text("0 0 0\n1 1 0\n")
+    command = f'{sys.executable} -c "{_COPY}" {{input}} {{output}}'
+    system = Adapter(name="mine", command=command, frame="cam0")
+    with pytest.raises(KeyboardInterrupt, match=r"^all runs are scored, the report page is not"):
+        evaluate(tmp_path, [system], progress=interrupt)
+    with pytest.raises(KeyboardInterrupt, match=r"^the maps are scored, the report page is not"):
+        evaluate_maps(tmp_path, [str(tmp_path / "map.txt")], progress=interrupt)

@@ -28,6 +28,7 @@ from terrain_forge.studies import (
     study_of,
 )
 from terrain_forge.studies import running as running_file
+from terrain_forge.studies import whole as whole_file
 from terrain_forge.studies.effects import outcomes_of, write_tables
 from terrain_forge.studies.factors import places_of
 from terrain_forge.studies.worker import carry_out, lacking, sensors_for
@@ -426,6 +427,16 @@ def test_a_system_without_its_sensors_is_refused_before_any_work(written, tmp_pa
         assert done.returncode == 2
         assert "imu needs imu, which no rover of the study carries" in done.complaints[-1]
     assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupt_over_the_tables_says_what_is_there(written, tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(whole_file, "run_cells", lambda *_, **__: [])
+    monkeypatch.setattr(whole_file, "outcomes_of", interrupt)
+    with pytest.raises(KeyboardInterrupt, match=r"^0 of 8 cells are in .*goes on from there$"):
+        run_study(written(), tmp_path / "out")
 
 
 @pytest.mark.slow

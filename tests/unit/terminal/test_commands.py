@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 from dataclasses import fields
 
 import click
@@ -156,6 +157,12 @@ def test_each_recipe_that_ships_can_be_begun_with(name, tmp_path):
     source = getattr(file.recipe.dtm, "source", None)
     assert {path.name for path in tmp_path.iterdir()} == {f"{name}.yaml"} | {source} - {None}
     assert run("init", tmp_path, "--recipe", name).returncode == 2
+
+
+def test_a_command_that_is_told_runs_as_it_stands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = run("init", "--", "-a first one").stdout.partition("  terrain-forge build ")[2]
+    assert run("check", *shlex.split(told)).returncode == 0
 
 
 def test_init_lists_recipes_and_knows_no_others(tmp_path):
