@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from terrain_forge.exporters.sdf.model import inertial, plain, solid, surface, write_config
+from terrain_forge.exporters.sdf.scenery import gz_system
 from terrain_forge.exporters.sdf.sensors import rig_sensors
 
 from terrain_forge.base import Array
@@ -17,8 +18,6 @@ from .control import SKID_GAIN, joint_name, joint_rate, sides, track, wheel_radi
 from .options import Options
 
 _VERSIONS = {"fortress": "1.9", "harmonic": "1.11"}
-_FILES = {"fortress": "ignition-gazebo-", "harmonic": "gz-sim-"}
-_CLASSES = {"fortress": "ignition::gazebo::systems::", "harmonic": "gz::sim::systems::"}
 _exact = partial(leaves, digits=12)
 
 
@@ -30,7 +29,7 @@ def write_sdf(directory: Path, rover: Rover, *, name: str, options: Options) -> 
         for number, link in enumerate(rover.links)
     ]
     parts += [_joint(link, rover, options) for link in rover.links if link.parent]
-    model = element("model", *parts, *_plugins(rover, name, options), name=name)
+    model = element("model", *parts, *_plugins(rover, name), name=name)
     write_xml(directory / f"{name}.sdf", element("sdf", model, version=version))
     description = f"The rover {rover.name}."
     write_config(directory, f"{name}.sdf", version, name=name, description=description)
@@ -75,7 +74,7 @@ def _joint(link: Link, rover: Rover, options: Options) -> Lines:
     return element("joint", *ends, element("axis", *axis), name=name, type="revolute")
 
 
-def _plugins(rover: Rover, name: str, options: Options) -> list[Lines]:
+def _plugins(rover: Rover, name: str) -> list[Lines]:
     """Driving by /model/NAME/cmd_vel, odometry, and the joints' states."""
     left, right = sides(rover)
     drive = [
@@ -94,9 +93,7 @@ def _plugins(rover: Rover, name: str, options: Options) -> list[Lines]:
             child_frame_id="base_link",
         ),
     ]
-    file, kind = _FILES[options.release], _CLASSES[options.release]
-    states = f"{file}joint-state-publisher-system"
     return [
-        element("plugin", *drive, filename=f"{file}diff-drive-system", name=f"{kind}DiffDrive"),
-        element("plugin", filename=states, name=f"{kind}JointStatePublisher"),
+        gz_system("diff-drive", "DiffDrive", *drive),
+        gz_system("joint-state-publisher", "JointStatePublisher"),
     ]

@@ -21,7 +21,8 @@ _SYSTEMS = {
     "sensors": "Sensors",
     "imu": "Imu",
 }
-"""The first three are those that gz-sim takes for a world that names none."""
+"""The first three are those that gz-sim takes where nothing names any: a rover's own would keep it
+from them, so that it would hang in the air."""
 
 
 def write_world(
@@ -31,13 +32,11 @@ def write_world(
     name: str,
     models: list[Model],
     movers: list[Lines],
-    sensing: bool,
     included: bool = True,
 ) -> None:
     """Write a world file that includes the models and holds what moves: dynamic rocks, actors.
 
-    Models that are not `included` tell the version alone; movers include what there is. Where
-    something carries sensors (`sensing`), gz-sim wants plugins.
+    Models that are not `included` tell the version alone; movers include what there is.
     """
     classic, version = models[0].classic, models[0].version
     # Siblings share one name space, and actors have the names of their paths.
@@ -48,7 +47,7 @@ def write_world(
         *leaves(gravity=(0, 0, -world.site.body.gravity), magnetic_field="0 0 0"),
         *([_place(world.site)] if knows_surface(world.site, version) else []),
         _physics(physics, classic=classic),
-        *(_systems() if sensing and not classic else []),
+        *([] if classic else _systems()),
         *_lights(world, sun=sun),
         *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
@@ -81,16 +80,16 @@ def _place(site: Site) -> Lines:
 
 
 def _systems() -> list[Lines]:
-    """gz-sim's plugins, by the names that Fortress 6.16 and all later versions know."""
     return [
-        element(
-            "plugin",
-            *(leaves(render_engine="ogre2") if kind == "sensors" else []),
-            filename=f"gz-sim-{kind}-system",
-            name=f"gz::sim::systems::{system}",
-        )
-        for kind, system in _SYSTEMS.items()
+        gz_system(kind, name, *(leaves(render_engine="ogre2") if kind == "sensors" else []))
+        for kind, name in _SYSTEMS.items()
     ]
+
+
+def gz_system(kind: str, name: str, *parts: Lines) -> Lines:
+    """One of gz-sim's plugins, by the names that Fortress 6.16 and all later versions know."""
+    names = {"filename": f"gz-sim-{kind}-system", "name": f"gz::sim::systems::{name}"}
+    return element("plugin", *parts, **names)
 
 
 def _physics(name: str, *, classic: bool) -> Lines:

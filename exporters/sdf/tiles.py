@@ -144,7 +144,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     model = _model(directory, "", name, options)
     write_world(
         directory / "world.sdf", tiled.world, name=name, models=[model],
-        movers=[*includes, plugin], sensing=False, included=False,
+        movers=[*includes, plugin], included=False,
     )  # fmt: skip
     return (*_losses(tiled, options), *horizon_losses(horizon, shown=shown))
 

@@ -91,10 +91,9 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         included.append(beyond)
     actors = _actors(world, options, models=models)
     dynamic = rocks.dynamic_rocks(world, rock_model, close=close)
-    sensing = bool(options.sensors and actors and world.rover.sensors)
-    for file, movers, sees in (("world", dynamic, False), ("scene", dynamic + actors, sensing)):
+    for file, movers in (("world", dynamic), ("scene", dynamic + actors)):
         path = directory / f"{file}.sdf"
-        write_world(path, world, name=name, models=included, movers=movers, sensing=sees)
+        write_world(path, world, name=name, models=included, movers=movers)
     if options.ros_package:
         write_package(world, directory, options=options)
     files = sorted(p.relative_to(directory) for p in directory.rglob("*") if p.is_file())

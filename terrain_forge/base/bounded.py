@@ -68,9 +68,11 @@ def require_file(
         if path.is_dir():
             raise DataError(f"is a folder, not a file: {name}", key=key)
         if not path.is_file():
-            if path.exists():
-                raise DataError(f"is no regular file: {name}", key=key)
-            raise DataError(f"no such file: {name}{_meant(path)}", key=key)
+            try:
+                path.stat()  # tells what `exists` leaves out from Python 3.14 on
+            except (FileNotFoundError, NotADirectoryError):
+                raise DataError(f"no such file: {name}{_meant(path)}", key=key) from None
+            raise DataError(f"is no regular file: {name}", key=key)
         if (size := path.stat().st_size) > most:
             raise DataError(
                 f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,g} MiB", key=key

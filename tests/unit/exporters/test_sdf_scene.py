@@ -119,15 +119,20 @@ def test_classic_has_a_multicamera_and_rays(roving, tmp_path):
     assert np.allclose(places, [np.hstack([c.position, c.rpy]) for c in cameras], atol=1e-8)
 
 
-def test_only_a_scene_with_sensors_names_plugins(roving, tmp_path):
-    with_sensors = exported(roving, tmp_path / "with")
-    without = exported(roving, tmp_path / "without", sensors=False)
-    plugins = [p.get("name") for p in ET.parse(with_sensors / "scene.sdf").getroot().iter("plugin")]
-    assert "gz::sim::systems::Sensors" in plugins
-    assert "gz::sim::systems::Physics" in plugins  # naming any drops gz-sim's own choice
-    for file in (with_sensors / "world.sdf", without / "scene.sdf", without / "world.sdf"):
-        assert ET.parse(file).getroot().find("world/plugin") is None
-    assert not actor_sensors(without)
+@pytest.mark.parametrize("sensors", [True, False])
+def test_worlds_name_their_systems(roving, tmp_path, sensors):
+    """gz-sim adds none where a rover that somebody includes brings any: nothing would fall."""
+    directory = exported(roving, tmp_path / "sdf", sensors=sensors)
+    for file in ("world.sdf", "scene.sdf"):
+        plugins = ET.parse(directory / file).getroot().findall("world/plugin")
+        names = [plugin.get("name").removeprefix("gz::sim::systems::") for plugin in plugins]
+        assert names == ["Physics", "UserCommands", "SceneBroadcaster", "Sensors", "Imu"]
+    assert bool(actor_sensors(directory)) == sensors
+
+
+def test_classic_has_systems_of_its_own(roving, tmp_path):
+    directory = exported(roving, tmp_path / "sdf", flavour="classic")
+    assert ET.parse(directory / "scene.sdf").getroot().find("world/plugin") is None
 
 
 @pytest.mark.parametrize("flavour", ["gz", "classic"])
