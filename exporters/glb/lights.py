@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from terrain_forge.base import Array, portable
-from terrain_forge.geometry import facing_sun, light_levels
+from terrain_forge.geometry import facing_sun, light_levels, sky_colours
 from terrain_forge.model import Lighting, Mesh, World
 from terrain_forge.writers import Gltf
 
@@ -63,7 +63,7 @@ def add_lights(world: World, gltf: Gltf, options: Options) -> tuple[list[Any], l
         }
     )
     if beyond and levels.sky > 0.0:
-        colour = np.clip(levels.sky * np.array(lighting.sky_rgb), 0.0, 1.0)
+        colour = np.clip(sky_colours(world).horizon, 0.0, 1.0)
         nodes.append(_sky_node(gltf, middle, _FAR * reach, colour))
     return lights, nodes
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from terrain_forge.base import Array, matrix_from_quaternion, portable, quaternion_from_rpy
-from terrain_forge.geometry import light_levels, with_horizon_loss, write_rover_meshes
+from terrain_forge.geometry import light_levels, sky_colours, with_horizon_loss, write_rover_meshes
 from terrain_forge.model import ExportReport, Rover, Shape, Tile, Trajectory, World, world_friction
 from terrain_forge.writers import Lines, element, file_name
 
@@ -149,7 +149,7 @@ def _sun(world: World) -> Lines:
 
 def _sky(world: World) -> Lines:
     """The sky's colour at the horizon, darker above; linear light shown as sRGB by its 2.2 root."""
-    horizon = portable.power(world.lighting.sky_rgb, 1 / 2.2)
+    horizon = portable.power(np.clip(sky_colours(world).horizon, 0.0, 1.0), 1 / 2.2)
     gradient = {"type": "skybox", "builtin": "gradient", "rgb1": 0.75 * horizon, "rgb2": horizon}
     return element("texture", name="sky", width=256, height=1536, **gradient)
 

@@ -59,7 +59,8 @@ def _visuals(rover: Rover, model: Model) -> list[Lines]:
     if not any(link.shapes for link in rover.links):
         box = element("geometry", element("box", *leaves(size="1 1 1")))
         pose = element("pose", "0 0 0.5 0 0 0")
-        return [element("visual", pose, box, plain((0.8, 0.8, 0.8)), name="box")]
+        grey = plain((0.8, 0.8, 0.8), classic=model.classic)
+        return [element("visual", pose, box, grey, name="box")]
     origins, visuals = rover.origins, []
     for index, link in enumerate(rover.links):
         for number, shape in enumerate(link.shapes):
@@ -68,5 +69,6 @@ def _visuals(rover: Rover, model: Model) -> list[Lines]:
             name = f"{link.name}_{number}"
             pose = element("pose", (*(origins[link.name] + shape.position), *shape.rpy))
             geometry = solid(shape, model.uri(f"meshes/{rover_mesh(index, number)}"))
-            visuals.append(element("visual", pose, geometry, plain(shape.rgb), name=name))
+            look = plain(shape.rgb, classic=model.classic)
+            visuals.append(element("visual", pose, geometry, look, name=name))
     return visuals

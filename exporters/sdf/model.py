@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from terrain_forge.base import Array
+from terrain_forge.base import Array, linear_from_srgb
 from terrain_forge.model import Shape, moments
 from terrain_forge.writers import Lines, Value, element, leaves, write_xml
 
@@ -150,9 +150,12 @@ def surface(friction: float, *, patch_radius: float | None = None) -> Lines:
     return element("surface", element("friction", *kinds))
 
 
-def plain(rgb: Sequence[float]) -> Lines:
-    """A matt material of one colour (sRGB, 0 to 1)."""
-    return _matt((*rgb, 1))
+def plain(rgb: Sequence[float], *, classic: bool = False) -> Lines:
+    """A matt material of one colour (sRGB, 0 to 1).
+
+    Classic shows what is written; gz-sim takes it for linear light and encodes what it shows.
+    """
+    return _matt((*(rgb if classic else linear_from_srgb(rgb).tolist()), 1))
 
 
 def _matt(colour: Value, *more: Lines) -> Lines:

@@ -70,7 +70,7 @@ def write_tile(
         if not unseen:
             touch = surface(friction)
             parts.append(element("collision", geometry, touch, name=f"{name}_collision"))
-        look = plain(mean_rock_srgb(whole, population))
+        look = plain(mean_rock_srgb(whole, population), classic=model.classic)
         parts.append(element("visual", geometry, look, name=f"{name}_visual"))
     return element("link", *parts, name=tile.name("rocks"))
 

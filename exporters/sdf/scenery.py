@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+
+from terrain_forge.base import srgb_from_linear
 from terrain_forge.dtm import ellipsoid
-from terrain_forge.geometry import light_levels
+from terrain_forge.geometry import light_levels, sky_colours
 from terrain_forge.model import Site, World
 from terrain_forge.writers import Lines, element, file_name, leaves, write_xml
 
@@ -23,6 +26,10 @@ _SYSTEMS = {
 }
 """The first three are those that gz-sim takes where nothing names any: a rover's own would keep it
 from them, so that it would hang in the air."""
+
+
+_SHADE = 0.05
+"""Light in shadows where no air scatters any: the ground throws some back."""
 
 
 def write_world(
@@ -47,8 +54,8 @@ def write_world(
         *leaves(gravity=(0, 0, -world.site.body.gravity), magnetic_field="0 0 0"),
         *([_place(world.site)] if knows_surface(world.site, version) else []),
         _physics(physics, classic=classic),
-        *([] if classic else _systems()),
-        *_lights(world, sun=sun),
+        *([] if classic else _systems(world)),
+        *_lights(world, sun=sun, classic=classic),
         *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
         name=usable_name(name),
@@ -79,9 +86,12 @@ def _place(site: Site) -> Lines:
     return element("spherical_coordinates", *where)
 
 
-def _systems() -> list[Lines]:
+def _systems(world: World) -> list[Lines]:
+    # Cameras of early Fortress do not see the scene's own background.
+    sky = (*_background(world, classic=False), 1)
+    seen = leaves(render_engine="ogre2", background_color=sky)
     return [
-        gz_system(kind, name, *(leaves(render_engine="ogre2") if kind == "sensors" else []))
+        gz_system(kind, name, *(seen if kind == "sensors" else []))
         for kind, name in _SYSTEMS.items()
     ]
 
@@ -103,19 +113,30 @@ def _physics(name: str, *, classic: bool) -> Lines:
     return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
-def _lights(world: World, *, sun: str) -> list[Lines]:
-    lighting, share = world.lighting, light_levels(world, "display").share
-    # Where no air scatters light, the ground still throws some back into the shadows.
-    ambient = [0.05 + 0.8 * (1.0 - share) * channel for channel in lighting.sky_rgb]
-    colours = leaves(ambient=(*ambient, 1), background=(*lighting.sky_rgb, 1))
-    light = leaves(
-        cast_shadows="true",
-        pose="0 0 100 0 0 0",
-        diffuse=(*(min(2.0 * share, 1.0),) * 3, 1),
-        specular="0.1 0.1 0.1 1",
-        direction=-lighting.towards_sun,
-    )
+def _lights(world: World, *, sun: str, classic: bool) -> list[Lines]:
+    levels, sky = light_levels(world, "display"), sky_colours(world).mean
+    if classic:
+        ambient = _SHADE + 0.6 * (1.0 - levels.share) * sky / max(sky.max(), _SHADE)
+        bright = leaves(diffuse=(*(min(2.0 * levels.share, 1.0),) * 3, 1))
+    else:
+        # gz-sim spreads ambient light over π, and takes no channel above 1.
+        ambient = np.pi * np.maximum(sky, _SHADE)
+        ambient /= max(ambient.max(), 1.0)
+        bright = leaves(diffuse="1 1 1 1", intensity=levels.sun / np.pi)
+    background = (*_background(world, classic=classic), 1)
+    colours = leaves(ambient=(*ambient.tolist(), 1), background=background)
+    light = [
+        *leaves(cast_shadows="true", pose="0 0 100 0 0 0"),
+        *bright,
+        *leaves(specular="0.1 0.1 0.1 1", direction=-world.lighting.towards_sun),
+    ]
     return [
         element("scene", *colours, *leaves(shadows="true", grid="false")),
         element("light", *light, name=sun, type="directional"),
     ]
+
+
+def _background(world: World, *, classic: bool) -> list[float]:
+    """The sky's colour as Classic shows it, or in linear light, which gz-sim encodes."""
+    colour = np.clip(sky_colours(world).horizon, 0.0, 1.0)
+    return list((srgb_from_linear(colour) if classic else colour).tolist())

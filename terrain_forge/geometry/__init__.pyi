@@ -36,6 +36,7 @@ from .lights import dome_image as dome_image
 from .lights import dome_level as dome_level
 from .lights import facing_sun as facing_sun
 from .lights import light_levels as light_levels
+from .lights import sky_colours as sky_colours
 from .losses import PLACE_LOSS as PLACE_LOSS
 from .losses import collision_losses as collision_losses
 from .losses import detail_loss as detail_loss

@@ -27,6 +27,8 @@ SIZE = 512, 256
 """Pixels around and from zenith to nadir of a dusty sky."""
 _EYE = 5.0
 """How high over the highest ground the sky is looked at [m]."""
+_LOW = 2.0, 15.0
+"""Elevations between which the sky over the horizon is looked at [deg]."""
 BLACK_SIZE = 1024, 512
 """The same of a black one, in which the Earth is five pixels wide."""
 
@@ -40,6 +42,15 @@ class LightLevels(NamedTuple):
     """Radiance of a sky of the colour 1: [W/(m² sr)], or what shows as 1."""
     share: float
     """Part of the light on level ground that comes straight from the Sun."""
+
+
+class SkyColours(NamedTuple):
+    """Colours of a sky, linear RGB, shape [3] each."""
+
+    mean: Array
+    """As level ground takes it."""
+    horizon: Array
+    """As it looks over the horizon."""
 
 
 def light_levels(world: World, lights: Lights) -> LightLevels:
@@ -93,6 +104,20 @@ def dome_image(world: World, *, highest: float | None = None) -> Array | None:
     return _black(world.lighting) if _shines(world.lighting) else None
 
 
+def sky_colours(world: World) -> SkyColours:
+    """What formats show that have no image of the sky, for display."""
+    lighting, level = world.lighting, light_levels(world, "display").sky
+    if lighting.dust is None:
+        colour = level * np.array(lighting.sky_rgb)
+        return SkyColours(colour, colour)
+    day, _ = world_daylight(world)
+    towards = _directions(SIZE)
+    low, high = np.sin(np.radians(_LOW))
+    towards = towards[(low < towards[:, 0, 2]) & (towards[:, 0, 2] < high)]
+    horizon = _lit_sky(world, day, towards).mean(axis=(0, 1))
+    return SkyColours(*(level * np.round([_gain(world, day) * day.diffuse, horizon], 6)))
+
+
 def dome_level(lighting: Lighting, levels: LightLevels) -> float | None:
     """What an export takes its values times, None where there is no image."""
     if lighting.dust is not None:
@@ -115,11 +140,21 @@ def _directions(size: tuple[int, int]) -> Array:
 
 
 def _dusty(world: World, highest: float) -> Array:
-    lighting, towards = world.lighting, _directions(SIZE)
+    towards = _directions(SIZE)
     day, albedo = world_daylight(world)
-    image = day.radiance(towards, lighting.towards_sun)
-    image[towards[:, 0, 2] < _skyline(world, highest)] = albedo * (day.direct + day.diffuse)
-    return np.asarray(image * (np.mean(lighting.sky_rgb) / day.diffuse.mean()))
+    image = _lit_sky(world, day, towards)
+    ground = albedo * (day.direct + day.diffuse)
+    image[towards[:, 0, 2] < _skyline(world, highest)] = ground * _gain(world, day)
+    return image
+
+
+def _lit_sky(world: World, day: Daylight, towards: Array) -> Array:
+    """Radiance of a dusty sky, as bright in the mean as one of the colour of the lighting."""
+    return np.asarray(day.radiance(towards, world.lighting.towards_sun) * _gain(world, day))
+
+
+def _gain(world: World, day: Daylight) -> float:
+    return float(np.mean(world.lighting.sky_rgb) / day.diffuse.mean())
 
 
 def _skyline(world: World, highest: float) -> float:

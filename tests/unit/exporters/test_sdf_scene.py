@@ -8,6 +8,8 @@ import pytest
 import trimesh
 from ruamel.yaml import YAML
 
+from terrain_forge.base import srgb_from_linear
+from terrain_forge.geometry import light_levels
 from terrain_forge.model import simple_sensors
 from tests.helpers import rovers
 from tests.helpers.rovers import morpheus
@@ -168,3 +170,42 @@ def test_the_bridge_knows_every_topic_of_the_scene(roving, tmp_path):
     assert {entry["direction"] for entry in entries} == {"GZ_TO_ROS"}
     plain = exported(roving, tmp_path / "plain")
     assert {path.name for path in plain.iterdir()} == {"world.sdf", "scene.sdf", "models"}
+
+
+def shown(channels):
+    """The sRGB that gz-sim shows for a colour of a file, which it takes for linear light."""
+    return srgb_from_linear(np.array([float(n) for n in channels.split()][:3]))
+
+
+def test_gz_shows_colours_as_they_are(small_world, tmp_path):
+    """It encodes what it shows, textures are decoded before: without that rocks were white."""
+    world = small_world.replace(rover=morpheus())
+    gz, classic = (exported(world, tmp_path / k, flavour=k) for k in ("gz", "classic"))
+    scenes = [ET.parse(folder / "scene.sdf").getroot() for folder in (gz, classic)]
+    rocks = [
+        ET.parse(folder / "models/by-hand_rocks/model.sdf").getroot() for folder in (gz, classic)
+    ]
+    for new, old in (scenes, rocks):
+        plain = {v.get("name"): v for v in new.iter("visual") if v.find("material/pbr") is None}
+        assert plain
+        for visual in old.iter("visual"):
+            if visual.get("name") in plain:
+                told = plain[visual.get("name")].findtext("material/diffuse")
+                wanted = numbers(visual.find("material/diffuse"))[:3]
+                assert shown(told) == pytest.approx(wanted, abs=1e-6)
+    seen = scenes[0].findtext("world/plugin/background_color")
+    assert seen == scenes[0].findtext("world/scene/background")
+    wanted = numbers(scenes[1].find("world/scene/background"))[:3]
+    assert shown(seen) == pytest.approx(wanted, abs=1e-6)
+
+
+@pytest.mark.parametrize("sky", [(0.0, 0.0, 0.0), (0.78, 0.5, 0.4)])
+def test_level_ground_is_lit_for_display_in_gz(small_world, tmp_path, sky):
+    """The Sun as in other formats; ambient light, which gz-sim divides by π, within its limit."""
+    world = small_world.replace(lighting=small_world.lighting.replace(dust=None, sky_rgb=sky))
+    scene = ET.parse(exported(world, tmp_path / "sdf") / "scene.sdf").getroot()
+    light, levels = scene.find("world/light"), light_levels(world, "display")
+    assert float(light.findtext("intensity")) == pytest.approx(levels.sun / np.pi)
+    ambient = numbers(scene.find("world/scene/ambient"))[:3]
+    wanted = np.pi * np.maximum(levels.sky * np.array(sky), 0.05)
+    assert ambient == pytest.approx(wanted / max(wanted.max(), 1.0))

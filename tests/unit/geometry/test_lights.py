@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from terrain_forge.geometry import dome_image, dome_level, light_levels
+from terrain_forge.geometry import dome_image, dome_level, light_levels, sky_colours
 from terrain_forge.making import make_horizon
 from terrain_forge.model.bodies.mars import MARS
 
@@ -86,3 +86,21 @@ def test_the_sky_goes_down_to_the_skyline_of_a_site_above_the_land(small_world):
     top = float(world.ground.elevation.max()) + 4000.0
     of_a_site = dome_image(world, highest=top)  # of which the world is a part
     assert np.array_equal(of_a_site, dome_image(high))
+
+
+@pytest.mark.parametrize("tau", TAUS)
+def test_colours_of_the_sky_are_those_of_its_image(small_world, tau):
+    world = under(small_world, tau)
+    levels, colours = light_levels(world, "display"), sky_colours(world)
+    assert np.pi * colours.mean.mean() == pytest.approx(on_the_level(world, levels), rel=0.02)
+    image = dome_image(world) * dome_level(world.lighting, levels)
+    row = round(image.shape[0] * (0.5 - 8.0 / 180.0))
+    assert colours.horizon == pytest.approx(image[row].mean(axis=0), rel=0.2)
+
+
+def test_without_dust_the_sky_has_the_colour_of_the_lighting(small_world):
+    for sky in ((0.0, 0.0, 0.0), (0.3, 0.4, 0.6)):
+        world = small_world.replace(lighting=small_world.lighting.replace(dust=None, sky_rgb=sky))
+        level = light_levels(world, "display").sky
+        for colour in sky_colours(world):
+            assert colour == pytest.approx(level * np.array(sky))
