@@ -129,7 +129,7 @@ def hull_of(vertices: Array, name: str) -> tuple[Array, NDArray[np.int32]]:
 def _load(path: Path, packages: Packages) -> list[Part]:
     import trimesh
 
-    name, kind = f"mesh {path.name}", path.suffix.lower().removeprefix(".")
+    name, kind = f"mesh {path.name[:200]}", path.suffix.lower().removeprefix(".")
     if kind not in _READ_AS:
         raise FileError(f"{name}: allowed are {', '.join(_READ_AS)}")
     if not path.exists():
