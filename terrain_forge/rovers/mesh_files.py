@@ -138,6 +138,8 @@ def _load(path: Path, packages: Packages) -> list[Part]:
     try:
         if kind in _CHECKS:
             _CHECKS[kind](data)
+        if kind == "dae":
+            data = _without_lost_materials(data)
         beside: Any = _Beside(path.parent, packages)
         scene = trimesh.load_scene(BytesIO(data), file_type=kind, resolver=beside, process=False)
         for mesh in scene.geometry.values():
@@ -221,6 +223,29 @@ def _check_collada(data: bytes) -> None:
         raise ValueError("its nodes repeat each other too often")
 
 
+def _without_lost_materials(data: bytes) -> bytes:
+    """A COLLADA file without the uses of materials that cannot be read.
+
+    pycollada leaves out a geometry with such a use, as of a texture whose image is not declared.
+    """
+    import collada
+
+    root = ElementTree.fromstring(data)
+    space = root.tag.partition("}")[0] + "}" if "}" in root.tag else ""
+    looks = Element(root.tag, root.attrib)
+    kinds = {f"{space}{name}" for name in ("asset", *map("library_{}".format, _LOOKS))}
+    looks.extend(child for child in root if child.tag in kinds)
+    read = collada.Collada(BytesIO(ElementTree.tostring(looks)), ignore=[collada.DaeError])
+    lost = False
+    for parent in root.iter(f"{space}technique_common"):
+        for use in parent.findall(f"{space}instance_material"):
+            if use.get("target", "")[1:] not in read.materials:
+                parent.remove(use)
+                lost = True
+    return ElementTree.tostring(root) if lost else data
+
+
+_LOOKS = ("images", "effects", "materials")
 _READ_AS = ("stl", "obj", "dae", "ply", "off", "glb", "gltf")
 _check_gltf = partial(require_gltf, most=200_000_000)
 _CHECKS: dict[str, Callable[[bytes], None]] = {

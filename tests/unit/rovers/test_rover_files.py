@@ -17,6 +17,8 @@ from terrain_forge.pipeline import realise
 from terrain_forge.recipe import recipe_from_json
 from terrain_forge.rovers import FileRover, resolve_rover
 from terrain_forge.rovers.custom import CouplingSpec
+from terrain_forge.rovers.mesh_files import MeshFiles
+from terrain_forge.rovers.packages import Packages
 from tests.helpers import rovers
 from tests.helpers.places import DATA
 
@@ -542,6 +544,31 @@ def test_a_mesh_in_gltf_may_keep_its_numbers_beside_it(tub):
     file = tub.parent / "tub_gltf.urdf"
     file.write_text(tub.read_text().replace("wheel.stl", "wheel.gltf"))
     assert rovers.read(file).mass == rovers.read(tub).mass
+
+
+def test_a_mesh_in_collada_keeps_its_triangles_where_a_material_is_lost(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box()
+    paint = trimesh.visual.material.PBRMaterial(baseColorFactor=[200, 40, 30, 255])
+    box.visual = trimesh.visual.TextureVisuals(uv=box.vertices[:, :2], material=paint)
+    text = trimesh.exchange.dae.export_collada([box, trimesh.creation.icosphere()]).decode()
+    lost = text.replace('instance_effect url="#', 'instance_effect url="#no_', 1)
+    seen = []
+    for content in (text, lost):
+        file = tmp_path / f"{len(seen)}.dae"
+        file.write_text(content)
+        files = MeshFiles(Packages({}, file))
+        seen.append(
+            {
+                len(shape.mesh.faces): shape.rgb
+                for _, shape in files.solids(
+                    file, scale=np.ones(3), placement=np.eye(4), collides=False, rgb=None
+                )
+            }
+        )
+    red, grey, black = (0.784, 0.157, 0.118), (0.6, 0.6, 0.6), (0.0, 0.0, 0.0)
+    assert seen == [{12: red, 1280: black}, {12: grey, 1280: black}]
 
 
 def test_a_build_removes_no_mesh_of_its_rover(tub, tmp_path):
