@@ -10,6 +10,7 @@ from functools import partial
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics, UsdValidation
 from ruamel.yaml import YAML
 from terrain_forge.exporters.mjcf.rover import servo_gain
@@ -17,6 +18,7 @@ from terrain_forge.exporters.rover import Options, export
 from terrain_forge.exporters.rover.readback import urdf_findings
 
 from terrain_forge.base import ExportError, RecipeError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Coupling, simple_sensors
 from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
@@ -410,6 +412,17 @@ def test_mesh_paths_take_the_chosen_prefix(custom, tmp_path):
     assert names
     for name in names:
         assert (folder / name.removeprefix("package://tub_description/")).is_file()
+
+
+def test_meshes_bring_the_colours_of_their_shapes(custom, tmp_path):
+    """RViz shows them in no other."""
+    folder, _ = exported(custom, tmp_path / "rover", formats=("urdf",))
+    for number, link in enumerate(custom.links):
+        for part, shape in enumerate(link.shapes):
+            if shape.mesh is not None:
+                mesh = trimesh.load(folder / "meshes" / rover_mesh(number, part))
+                wanted = np.round(255 * np.array(shape.rgb))
+                np.testing.assert_array_equal(mesh.visual.material.diffuse[:3], wanted)
 
 
 def test_a_world_without_a_rover_has_none_to_export(tmp_path):
