@@ -28,7 +28,7 @@ class Options(Spec):
     ground has the say in Gazebo, which takes the smaller of two."""
     mesh_prefix: str = ""
     """What the URDF's paths of meshes begin with, such as `package://my_rover/`; by default they
-    are relative to the file."""
+    are relative to the file, as simulators read them and RViz does not."""
     release: Literal["fortress", "harmonic"] = "fortress"
     """The oldest gz-sim that shall read the SDF: `fortress` writes SDF 1.9, `harmonic` SDF 1.11,
     which knows joints that follow others."""

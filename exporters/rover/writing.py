@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
+from urllib.parse import quote as in_address
 
 from terrain_forge.exporters.mjcf.rover import rates_lost, write_rover
 from terrain_forge.exporters.mjcf.rover import rig_losses as mjcf_losses
@@ -85,11 +86,19 @@ def _losses(rover: Rover, options: Options) -> tuple[str, ...]:
 
 
 def opening(folder: Path, options: Options) -> Opening | None:
-    """How ROS 2 shows the rover."""
+    """How ROS 2 shows the rover.
+
+    RViz finds a mesh by a whole address alone, so it is given a copy with such ones.
+    """
     if "urdf" not in options.formats:
         return None
-    model = f'"$PWD"/{quote(folder.name)}/{next(folder.glob("*.urdf")).name}'
+    place, name = quote(folder.name), next(folder.glob("*.urdf")).name
+    copied, model = "", f'"$PWD"/{place}/{name}'
+    if (folder / "meshes").is_dir() and not options.mesh_prefix:
+        meshes = f"file://${{PWD// /%20}}/{in_address(folder.name)}/meshes/"
+        model = f"/tmp/{name}"
+        copied = f'sed "s#=\\"meshes/#=\\"{meshes}#" {place}/{name} > {model} && '
     return Opening(
         title="The rover in ROS 2",
-        commands=f"ros2 launch urdf_tutorial display.launch.py model:={model}",
+        commands=f"{copied}ros2 launch urdf_tutorial display.launch.py model:={model}",
     )

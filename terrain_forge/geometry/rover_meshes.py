@@ -16,8 +16,9 @@ from terrain_forge.base import (
 )
 from terrain_forge.model import Mesh, Rover, Shape
 from terrain_forge.scene import Instances
-from terrain_forge.writers import write_obj
+from terrain_forge.writers import MattMaterial, write_mtl, write_obj
 
+_MATERIALS = "rover.mtl"
 _SIDES = 20
 _SMOOTH = 1e-6
 """Size that rover parts have for the renderer, which grows no grain on what is so small [m]."""
@@ -29,16 +30,25 @@ def rover_mesh(link: int, shape: int) -> str:
 
 
 def write_rover_meshes(rover: Rover, folder: Path) -> list[str]:
-    """Write the meshes of a rover's shapes, in metres; returns the names of the files."""
-    names = []
+    """Write the meshes of a rover's shapes, in metres, and their colours; returns the files' names.
+
+    RViz colours a mesh of OBJ by the file's own material alone, grey without one.
+    """
+    looks = []
     for number, link in enumerate(rover.links):
         for part, shape in enumerate(link.shapes):
             if shape.mesh is None:
                 continue
             folder.mkdir(parents=True, exist_ok=True)
-            names.append(rover_mesh(number, part))
-            write_obj(folder / names[-1], vertices=shape.mesh.vertices, faces=shape.mesh.faces)
-    return names
+            path = folder / rover_mesh(number, part)
+            looks.append(MattMaterial(name=path.stem, rgb=shape.rgb))
+            material = _MATERIALS, path.stem
+            mesh = shape.mesh
+            write_obj(path, vertices=mesh.vertices, faces=mesh.faces, material=material)
+    if not looks:
+        return []
+    write_mtl(folder / _MATERIALS, looks)
+    return [*(f"{look.name}.obj" for look in looks), _MATERIALS]
 
 
 class RoverLook(NamedTuple):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os import SEEK_CUR
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, BinaryIO, ClassVar
 
 from terrain_forge.base import ExportError, Progress, Spec
 from terrain_forge.datasets.reader import Recording
@@ -12,6 +13,9 @@ from terrain_forge.datasets.ros import RosBag, RosMessages, RosOptions, in_order
 from terrain_forge.datasets.ros_parts import TRANSFORMS
 
 NAME = "recording.bag"
+_HEADER_START, _HEADER_SIZE = 13, 4096
+"""Where the record of the bag's own header begins, behind the version; its bytes but for the two
+lengths within it, as ROS writes it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +47,7 @@ class Rosbag1(RosBag):
         if recording.span[1] >= 2**32 * 10**9:
             raise ExportError("rosbag1 holds stamps up to the year 2106")
         with Writer(folder / NAME) as bag:
+            _make_room(bag.bio)
             connections = [
                 bag.add_connection(
                     *(topic.name, topic.kind),
@@ -55,4 +60,24 @@ class Rosbag1(RosBag):
             for message in in_order(topics, recording.span, progress):
                 data = store.serialize_ros1(message.value, topics[message.order].kind)
                 bag.write(connections[message.order], message.stamp, data)
+        _end_header(folder / NAME)
         return losses(messages)
+
+
+def _make_room(file: BinaryIO | None) -> None:
+    """Begin a bag's chunks where ROS does.
+
+    ROS writes the header anew when it appends to a bag or reindexes it; one of rosbags ends earlier
+    (0.11), and the first chunk was overwritten.
+    """
+    if file is not None:
+        file.write(b" " * (_HEADER_START + 8 + _HEADER_SIZE - file.tell()))
+
+
+def _end_header(path: Path) -> None:
+    """Say in a bag's header that it reaches to the first chunk."""
+    with path.open("r+b") as file:
+        file.seek(_HEADER_START)
+        size = int.from_bytes(file.read(4), "little")
+        file.seek(size, SEEK_CUR)
+        file.write((_HEADER_SIZE - size).to_bytes(4, "little"))

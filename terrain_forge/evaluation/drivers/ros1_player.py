@@ -159,11 +159,19 @@ def play(told: argparse.Namespace, recorded: Path) -> None:
         if player.returncode:
             sys.exit(f"rosbag play ended with status {player.returncode}")
         time.sleep(told.settle)
-        programs.end(recorder)
+        save(recorder, recorded)
     finally:
         programs.end_all()
     if not recorded.is_file():
         sys.exit("rosbag record wrote no bag")
+
+
+def save(recorder: subprocess.Popen[bytes], recorded: Path) -> None:
+    """Interrupt a recorder and wait for its bag: rosbag ends before its child, which saves it."""
+    os.killpg(recorder.pid, signal.SIGINT)
+    until = time.monotonic() + GRACE
+    while not recorded.is_file() and time.monotonic() < until:
+        time.sleep(0.05)
 
 
 def imus(recording: Path) -> list[str]:

@@ -61,6 +61,21 @@ def bag(request, recording, tmp_path_factory):
     return read_bag(folder, kind == "rosbag1"), folder, kind, options
 
 
+def test_ros_may_write_the_header_of_a_bag_anew(recording, tmp_path):
+    """It does when it appends to a bag or reindexes it: 4096 bytes and two lengths, before all."""
+    write_dataset(recording, "rosbag1", tmp_path / "bag", {"pictures": False})
+    data = (tmp_path / "bag" / "recording.bag").read_bytes()
+    start = len(b"#ROSBAG V2.0\n")
+    size = int.from_bytes(data[start : start + 4], "little")
+    padding = start + 4 + size
+    assert size + int.from_bytes(data[padding : padding + 4], "little") == 4096
+    assert not data[padding + 4 : start + 8 + 4096].strip(b" ")
+    chunk = start + 8 + 4096
+    header = data[chunk + 4 : chunk + 4 + int.from_bytes(data[chunk : chunk + 4], "little")]
+    assert b"op=\x05" in header
+    assert b"compression=none" in header
+
+
 def messages(bag, topic):
     return [message for name, _, message in bag[0] if name == topic]
 

@@ -6,17 +6,21 @@ import math
 import subprocess
 import xml.etree.ElementTree as ET
 from functools import partial
+from pathlib import Path
+from urllib.parse import unquote
 
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics, UsdValidation
 from ruamel.yaml import YAML
 from terrain_forge.exporters.mjcf.rover import servo_gain
-from terrain_forge.exporters.rover import Options, export
+from terrain_forge.exporters.rover import Options, export, opening
 from terrain_forge.exporters.rover.readback import urdf_findings
 
 from terrain_forge.base import ExportError, RecipeError, matrix_from_quaternion, quaternion_from_rpy
+from terrain_forge.geometry import rover_mesh
 from terrain_forge.model import Coupling, simple_sensors
 from terrain_forge.rovers import built_in_rovers, find_rover
 from tests.helpers import rovers, worlds
@@ -410,6 +414,40 @@ def test_mesh_paths_take_the_chosen_prefix(custom, tmp_path):
     assert names
     for name in names:
         assert (folder / name.removeprefix("package://tub_description/")).is_file()
+
+
+def test_rviz_is_given_whole_addresses_of_meshes(custom, tmp_path):
+    """It finds no relative ones, and none with blanks in them."""
+    (tmp_path / "my world").mkdir()
+    folder, _ = exported(custom, tmp_path / "my world" / "a rover", formats=("urdf",))
+    copied, _, launched = opening(folder, Options()).commands.partition(" && ")
+    subprocess.run(["bash", "-c", copied.replace("/tmp/", "../")], cwd=folder.parent, check=True)
+    assert launched.endswith("model:=/tmp/tub.urdf")
+    named = [mesh.get("filename") for mesh in ET.parse(tmp_path / "tub.urdf").iter("mesh")]
+    assert named
+    assert not [name for name in named if " " in name]
+    assert all(Path(unquote(name.removeprefix("file://"))).is_file() for name in named)
+
+
+@pytest.mark.parametrize("rover", ["skid4", "custom"])
+def test_a_urdf_that_rviz_reads_as_it_is_is_shown_as_it_is(rover, custom, tmp_path):
+    rover = skid4() if rover == "skid4" else custom
+    chosen = {"formats": ("urdf",), "mesh_prefix": "package://mine/" if rover is custom else ""}
+    folder, _ = exported(rover, tmp_path / "rover", **chosen)
+    launch = "ros2 launch urdf_tutorial display.launch.py"
+    words = opening(folder, Options(**chosen)).commands
+    assert words == f'{launch} model:="$PWD"/rover/{rover.name}.urdf'
+
+
+def test_meshes_bring_the_colours_of_their_shapes(custom, tmp_path):
+    """RViz shows them in no other."""
+    folder, _ = exported(custom, tmp_path / "rover", formats=("urdf",))
+    for number, link in enumerate(custom.links):
+        for part, shape in enumerate(link.shapes):
+            if shape.mesh is not None:
+                mesh = trimesh.load(folder / "meshes" / rover_mesh(number, part))
+                wanted = np.round(255 * np.array(shape.rgb))
+                np.testing.assert_array_equal(mesh.visual.material.diffuse[:3], wanted)
 
 
 def test_a_world_without_a_rover_has_none_to_export(tmp_path):
