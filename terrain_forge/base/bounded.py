@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from terrain_forge.base.errors import DataError, hint_at, reading
 
+_ABSENT = errno.ENOENT, errno.ENOTDIR, errno.ELOOP
 _BESIDE = 10_000
 """Files of a folder among which the one that is meant is looked for."""
 _ALIKE = 0.75
@@ -70,7 +72,9 @@ def require_file(
         if not path.is_file():
             try:
                 path.stat()  # tells what `exists` leaves out from Python 3.14 on
-            except (FileNotFoundError, NotADirectoryError):
+            except OSError as error:
+                if error.errno not in _ABSENT:
+                    raise
                 raise DataError(f"no such file: {name}{_meant(path)}", key=key) from None
             raise DataError(f"is no regular file: {name}", key=key)
         if (size := path.stat().st_size) > most:
