@@ -9,9 +9,9 @@ import numpy as np
 
 from terrain_forge.base import srgb_from_linear
 from terrain_forge.dtm import ellipsoid
-from terrain_forge.geometry import light_levels, sky_colours
+from terrain_forge.geometry import SkyColours, light_levels, sky_colours
 from terrain_forge.model import Site, World
-from terrain_forge.writers import Lines, element, file_name, leaves, write_xml
+from terrain_forge.writers import Lines, Value, element, file_name, leaves, write_xml
 
 from .model import Model, usable_name
 
@@ -49,13 +49,14 @@ def write_world(
     # Siblings share one name space, and actors have the names of their paths.
     actors = {file_name(trajectory.name) for trajectory in world.trajectories}
     sun, physics = (f"{n}.1" if n in actors else n for n in ("sun", "default_physics"))
+    sky = sky_colours(world)
     body = element(
         "world",
         *leaves(gravity=(0, 0, -world.site.body.gravity), magnetic_field="0 0 0"),
         *([_place(world.site)] if knows_surface(world.site, version) else []),
         _physics(physics, classic=classic),
-        *([] if classic else _systems(world)),
-        *_lights(world, sun=sun, classic=classic),
+        *([] if classic else _systems(sky)),
+        *_lights(world, sky, sun=sun, classic=classic),
         *(element("include", *leaves(uri=f"model://{one.name}")) for one in models if included),
         *movers,
         name=usable_name(name),
@@ -86,10 +87,9 @@ def _place(site: Site) -> Lines:
     return element("spherical_coordinates", *where)
 
 
-def _systems(world: World) -> list[Lines]:
+def _systems(sky: SkyColours) -> list[Lines]:
     # Cameras of early Fortress do not see the scene's own background.
-    sky = (*_background(world, classic=False), 1)
-    seen = leaves(render_engine="ogre2", background_color=sky)
+    seen = leaves(render_engine="ogre2", background_color=_background(sky, classic=False))
     return [
         gz_system(kind, name, *(seen if kind == "sensors" else []))
         for kind, name in _SYSTEMS.items()
@@ -113,18 +113,17 @@ def _physics(name: str, *, classic: bool) -> Lines:
     return element("physics", *timing, dart, name=name, default="true", type="dart")
 
 
-def _lights(world: World, *, sun: str, classic: bool) -> list[Lines]:
-    levels, sky = light_levels(world, "display"), sky_colours(world).mean
+def _lights(world: World, sky: SkyColours, *, sun: str, classic: bool) -> list[Lines]:
+    levels = light_levels(world, "display")
     if classic:
-        ambient = _SHADE + 0.6 * (1.0 - levels.share) * sky / max(sky.max(), _SHADE)
+        ambient = _SHADE + 0.6 * (1.0 - levels.share) * sky.mean / max(sky.mean.max(), _SHADE)
         bright = leaves(diffuse=(*(min(2.0 * levels.share, 1.0),) * 3, 1))
     else:
         # gz-sim spreads ambient light over π, and takes no channel above 1.
-        ambient = np.pi * np.maximum(sky, _SHADE)
+        ambient = np.pi * np.maximum(sky.mean, _SHADE)
         ambient /= max(ambient.max(), 1.0)
         bright = leaves(diffuse="1 1 1 1", intensity=levels.sun / np.pi)
-    background = (*_background(world, classic=classic), 1)
-    colours = leaves(ambient=(*ambient.tolist(), 1), background=background)
+    colours = leaves(ambient=(*ambient.tolist(), 1), background=_background(sky, classic=classic))
     light = [
         *leaves(cast_shadows="true", pose="0 0 100 0 0 0"),
         *bright,
@@ -136,7 +135,7 @@ def _lights(world: World, *, sun: str, classic: bool) -> list[Lines]:
     ]
 
 
-def _background(world: World, *, classic: bool) -> list[float]:
+def _background(sky: SkyColours, *, classic: bool) -> Value:
     """The sky's colour as Classic shows it, or in linear light, which gz-sim encodes."""
-    colour = np.clip(sky_colours(world).horizon, 0.0, 1.0)
-    return list((srgb_from_linear(colour) if classic else colour).tolist())
+    colour = np.clip(sky.horizon, 0.0, 1.0)
+    return (*(srgb_from_linear(colour) if classic else colour).tolist(), 1)

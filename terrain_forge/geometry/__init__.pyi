@@ -32,6 +32,7 @@ from .levels import shifted as shifted
 from .levels import tile_anchor as tile_anchor
 from .lights import LightLevels as LightLevels
 from .lights import Lights as Lights
+from .lights import SkyColours as SkyColours
 from .lights import dome_image as dome_image
 from .lights import dome_level as dome_level
 from .lights import facing_sun as facing_sun
