@@ -26,8 +26,6 @@ _SYSTEMS = {
 }
 """The first three are those that gz-sim takes where nothing names any: a rover's own would keep it
 from them, so that it would hang in the air."""
-
-
 _SHADE = 0.05
 """Light in shadows where no air scatters any: the ground throws some back."""
 

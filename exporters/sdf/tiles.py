@@ -119,8 +119,8 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
     includes: list[Lines] = []
     levels: list[Lines] = []
     # gz-sim loads what a performer's box meets: from half a tile away, so that its sensors see it.
-    half = 0.5 * tiled.grid.cells * tiled.site.spacing
-    around = np.array([2.0 * half, 2.0 * half, 0.0])
+    width = tiled.grid.cells * tiled.site.spacing
+    around = np.array([width, width, 0.0])
     close = _write_close(tiled, directory, options)
     for tile in tiled.tiles:
         told = tile.figures
@@ -130,7 +130,7 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[
         includes.append(element("include", *uri))
         box = element("geometry", element("box", *leaves(size=told["size"] + around)))
         level = f"level_{tile.place}"
-        more = leaves(buffer=0.25 * half, ref=told["name"])
+        more = leaves(buffer=0.125 * width, ref=told["name"])
         levels.append(element("level", *leaves(pose=pose), box, *more, name=level))
     if shown := options.horizon and horizon is not None:
         address = f"{directory.name}/horizon"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
+import stat
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -67,19 +68,20 @@ def require_file(
         DataError: says by `name` what is there instead.
     """
     with reading(name, key=key):
-        if path.is_dir():
+        try:
+            found = path.stat()
+        except (OSError, ValueError) as error:
+            if getattr(error, "errno", errno.ENOENT) not in _ABSENT:
+                raise
+            raise DataError(f"no such file: {name}{_meant(path)}", key=key) from None
+        if stat.S_ISDIR(found.st_mode):
             raise DataError(f"is a folder, not a file: {name}", key=key)
-        if not path.is_file():
-            try:
-                path.stat()  # tells what `exists` leaves out from Python 3.14 on
-            except OSError as error:
-                if error.errno not in _ABSENT:
-                    raise
-                raise DataError(f"no such file: {name}{_meant(path)}", key=key) from None
+        if not stat.S_ISREG(found.st_mode):
             raise DataError(f"is no regular file: {name}", key=key)
-        if (size := path.stat().st_size) > most:
+        if found.st_size > most:
             raise DataError(
-                f"{name} has {size / 2**20:,.1f} MiB, at most {most / 2**20:,g} MiB", key=key
+                f"{name} has {found.st_size / 2**20:,.1f} MiB, at most {most / 2**20:,g} MiB",
+                key=key,
             )
 
 

@@ -13,6 +13,13 @@ import numpy as np
 
 from terrain_forge.base import Array, DataError, portable
 
+_LABELLED = "PDS", "VICAR", "ISIS2"
+_WESTWARD = re.compile(rb"POSITIVE_LONGITUDE_DIRECTION\s*=\s*[\"']?WEST", re.IGNORECASE)
+_LABEL = 2**18
+"""Bytes of a file within which its label is looked for."""
+_CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"
+"""PROJ's projections in which meridians are evenly spaced lines of equal x."""
+
 
 def transform(source: str, target: str, x: Array, y: Array) -> tuple[Array, Array]:
     """Coordinates in the CRS `target` (WKT) of points in the CRS `source`, of any shape."""
@@ -76,12 +83,6 @@ def scale_error(crs: str, size: tuple[float, float]) -> float:
     return 0.5 * (0.5 * size[0] / ellipsoid(crs)[0]) ** 2
 
 
-_LABELLED = "PDS", "VICAR", "ISIS2"
-_WESTWARD = re.compile(rb"POSITIVE_LONGITUDE_DIRECTION\s*=\s*[\"']?WEST", re.IGNORECASE)
-_LABEL = 2**18
-"""Bytes of a file within which its label is looked for."""
-
-
 def crs_of(dataset: Any) -> str:
     """WKT of a georeferenced rasterio dataset's CRS, whose longitudes count eastward.
 
@@ -97,10 +98,6 @@ def crs_of(dataset: Any) -> str:
             values = dataset.crs.to_dict()
             return str(CRS.from_dict({**values, "lon_0": -values.get("lon_0", 0.0)}).to_wkt())
     return str(dataset.crs.to_wkt())
-
-
-_CYLINDRICAL = "eqc", "merc", "webmerc", "cea", "mill", "gall"
-"""PROJ's projections in which meridians are evenly spaced lines of equal x."""
 
 
 def meridian_period(crs: str) -> float:

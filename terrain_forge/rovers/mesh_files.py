@@ -233,7 +233,8 @@ def _without_lost_materials(data: bytes) -> bytes:
     root = ElementTree.fromstring(data)
     space = root.tag.partition("}")[0] + "}" if "}" in root.tag else ""
     looks = Element(root.tag, root.attrib)
-    kinds = {f"{space}{name}" for name in ("asset", *map("library_{}".format, _LOOKS))}
+    looks_like = "asset", "library_images", "library_effects", "library_materials"
+    kinds = {space + name for name in looks_like}
     looks.extend(child for child in root if child.tag in kinds)
     read = collada.Collada(BytesIO(ElementTree.tostring(looks)), ignore=[collada.DaeError])
     lost = False
@@ -245,7 +246,6 @@ def _without_lost_materials(data: bytes) -> bytes:
     return ElementTree.tostring(root) if lost else data
 
 
-_LOOKS = ("images", "effects", "materials")
 _READ_AS = ("stl", "obj", "dae", "ply", "off", "glb", "gltf")
 _check_gltf = partial(require_gltf, most=200_000_000)
 _CHECKS: dict[str, Callable[[bytes], None]] = {
