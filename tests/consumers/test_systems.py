@@ -38,7 +38,9 @@ RECIPE = {
                 {"name": "imu", "kind": "imu", "position_m": [0, 0, 0.3]}],
     "dataset": {"still_s": 0.5, "ramp_s": 0.5},
 }  # fmt: skip
-SYSTEMS = {"kiss-icp": "kiss_icp", "genz-icp": "evalio", "loam": "evalio"}
+SYSTEMS = {
+    "kiss-icp": "kiss_icp", "kiss-slam": "kiss_slam", "genz-icp": "evalio", "loam": "evalio",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,7 @@ def test_a_system_follows_a_short_drive(python, recorded, name):
     assert result.score.ate.rms < 0.5
     assert 0.0 < result.run.processor_s
     assert result.frames > 20
-    if name == "kiss-icp":
+    if name.startswith("kiss-"):
         assert result.run.map is not None
         table = (recorded / "dataset" / "slam" / "maps.csv").read_text()
-        assert "kiss-icp 1" in table
+        assert f"{name} 1" in table

@@ -13,7 +13,14 @@ from pathlib import Path
 import numpy as np
 from kiss_icp.config import load_config
 from kiss_icp.kiss_icp import KissICP
-from recorded import figure, own_work, quaternion_of, sweeps, tell_own_work, write_pose
+from recorded import (
+    figure,
+    places_and_times,
+    quaternion_of,
+    sweeps,
+    tell_own_work,
+    write_pose,
+)
 
 dataset, output, lidar, *words = sys.argv[1:]
 config = load_config(None)
@@ -25,12 +32,7 @@ config.registration.max_num_threads = 1
 odometry = KissICP(config)
 with Path(output).open("w", encoding="utf-8") as file:
     for stamp, points in sweeps(Path(dataset), lidar):
-        with own_work():
-            places = np.column_stack([points[axis] for axis in "xyz"]).astype(np.float64)
-            times = points["time"].astype(np.float64)
-            if np.ptp(times) == 0.0:  # taken at once: KISS-ICP divides by how long a sweep lasts
-                times = times[:0]
-        odometry.register_frame(places, times)
+        odometry.register_frame(*places_and_times(points))
         pose = odometry.last_pose
         write_pose(file, stamp, pose[:3, 3], quaternion_of(pose[:3, :3]))
 np.save("map.npy", np.asarray(odometry.local_map.point_cloud()))

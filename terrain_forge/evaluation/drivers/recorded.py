@@ -49,6 +49,17 @@ def sweeps(dataset: Path, lidar: str) -> Iterator[tuple[int, Any]]:
         yield stamp, points
 
 
+def places_and_times(points: Any) -> tuple[Any, Any]:
+    """Of a sweep what the KISS systems take: places [m], shape [n, 3], and times [s], shape [n].
+
+    They divide by how long a sweep lasts, so one that was taken at once has no times.
+    """
+    with own_work():
+        places = np.column_stack([points[axis] for axis in "xyz"]).astype(np.float64)
+        times = points["time"].astype(np.float64)
+        return places, times if np.ptp(times) > 0.0 else times[:0]
+
+
 def table(dataset: Path, sensor: str) -> tuple[Any, Any]:
     """Stamps [ns], and the other columns of a sensor's table."""
     path = dataset / "mav0" / sensor / "data.csv"
@@ -86,11 +97,15 @@ def transform(dataset: Path, sensor: str) -> Any:
     return np.array(about(dataset)["transforms"][sensor], float).reshape(4, 4)
 
 
+def seconds(stamp: int) -> str:
+    """A stamp [ns] in seconds, without loss."""
+    return f"{stamp // 10**9}.{stamp % 10**9:09d}"
+
+
 def write_pose(file: Any, stamp: int, place: Any, quaternion_xyzw: Any) -> None:
     """Write a pose as a line of the TUM format."""
-    seconds = f"{stamp // 10**9}.{stamp % 10**9:09d}"
     values = " ".join(f"{value:.9f}" for value in (*place, *quaternion_xyzw))
-    file.write(f"{seconds} {values}\n")
+    file.write(f"{seconds(stamp)} {values}\n")
 
 
 def quaternion_of(turn: Any) -> tuple[float, float, float, float]:
