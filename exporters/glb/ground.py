@@ -27,6 +27,9 @@ from terrain_forge.writers import Gltf, encode_jpeg, encode_png
 from .options import Options
 
 TRANSFORM = "KHR_texture_transform"
+SPECULAR = "KHR_materials_specular"
+NO_GLOSS = {SPECULAR: {"specularFactor": 0.0}}
+"""Extensions of soil and rocks: with gloss even rough ones are nearly white towards a low Sun."""
 Z_UP_TO_Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 """Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
 
@@ -167,14 +170,15 @@ def matt(
     normals: dict[str, Any] | None = None,
     roughness: int | None = None,
 ) -> dict[str, Any]:
-    """A rough, non-metallic material.
+    """A rough, non-metallic material without gloss.
 
     Args:
         name: Its name.
         texture: Index of its texture, or as glTF describes one; `rgb` multiplies its colours.
         rgb: Linear colour, 0 to 1.
         normals: Its normal map, as glTF describes one.
-        roughness: Index of the texture whose green is its roughness.
+        roughness: Index of the texture whose green is its roughness, for readers that pass over the
+            extension.
     """
     look: dict[str, Any] = {
         "baseColorFactor": [*rgb, 1.0],
@@ -186,4 +190,4 @@ def matt(
     if roughness is not None:
         look["metallicRoughnessTexture"] = {"index": roughness}
     relief = {"normalTexture": normals} if normals else {}
-    return {"name": name, "pbrMetallicRoughness": look, **relief}
+    return {"name": name, "pbrMetallicRoughness": look, **relief, "extensions": NO_GLOSS}

@@ -11,6 +11,7 @@ from terrain_forge.geometry import facing_sun, light_levels, sky_colours
 from terrain_forge.model import Lighting, Mesh, World
 from terrain_forge.writers import Gltf
 
+from .ground import NO_GLOSS
 from .options import Options
 
 EXTENSION = "KHR_lights_punctual"
@@ -62,7 +63,7 @@ def add_lights(world: World, gltf: Gltf, options: Options) -> tuple[list[Any], l
             "extensions": {EXTENSION: {"light": 1}},
         }
     )
-    if beyond and levels.sky > 0.0:
+    if beyond:  # black, too, hides the grey that viewers have by default
         colour = np.clip(sky_colours(world).horizon, 0.0, 1.0)
         nodes.append(_sky_node(gltf, middle, _FAR * reach, colour))
     return lights, nodes
@@ -82,7 +83,7 @@ def _sun_node(lighting: Lighting) -> dict[str, Any]:
 
 
 def _sky_node(gltf: Gltf, middle: Array, radius: float, colour: Array) -> dict[str, Any]:
-    """Add a sphere that shines inwards; returns its node."""
+    """Add a sphere that shines inwards, or is black; returns its node."""
     sphere = _sphere()
     material = {
         "name": "sky",
@@ -92,6 +93,7 @@ def _sky_node(gltf: Gltf, middle: Array, radius: float, colour: Array) -> dict[s
             "roughnessFactor": 1.0,
         },
         "emissiveFactor": colour.tolist(),
+        "extensions": NO_GLOSS,
     }
     primitive = gltf.add_primitive(
         radius * sphere.vertices, -sphere.vertices, gltf.add_indices(sphere.faces)

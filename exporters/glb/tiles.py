@@ -61,7 +61,7 @@ from terrain_forge.model import (
 from terrain_forge.rocks import require_pebbles, rocks_near_paths, seen_close, tiles_near_paths
 from terrain_forge.writers import Gltf, encode_png
 
-from .ground import TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
+from .ground import SPECULAR, TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
 from .options import Options
 from .pebbles import write_pebbles
 from .rocks import node_texts, rock_meshes
@@ -197,7 +197,7 @@ def _write_asset(
         path,
         nodes=map(json.dumps, [root, *nodes]),
         asset={"version": "2.0", "generator": "terrain-forge"},
-        **({"extensionsUsed": [TRANSFORM]} if transforms else {}),
+        extensionsUsed=[SPECULAR, *([TRANSFORM] if transforms else [])],
         scene=0,
         scenes=[{"nodes": [0]}],
     )

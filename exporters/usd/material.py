@@ -11,6 +11,9 @@ from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 from terrain_forge.base import linear_from_srgb
 
 _KINDS = Sdf.ValueTypeNames
+_NO_GLOSS = 1.0
+"""Index of refraction of soil and rocks: of the usual 1.5 even the roughest surface is nearly white
+towards a low Sun."""
 
 
 def define_textured(
@@ -24,7 +27,7 @@ def define_textured(
     scale: tuple[float, float] = (1.0, 1.0),
     offset: tuple[float, float] = (0.0, 0.0),
 ) -> UsdShade.Material:
-    """A matt material that shows an sRGB image at `scale` · st + `offset`.
+    """A material without gloss that shows an sRGB image at `scale` · st + `offset`.
 
     Without friction it is visual-only. Beyond the image's edge lies the image again (`wrap`
     is `repeat`) or its rim (`clamp`); its linear light is multiplied by `factor`.
@@ -34,6 +37,7 @@ def define_textured(
         UsdShade.Material.Define(stage, path) if plain else define_friction(stage, path, friction)
     )
     shader = _surface(stage, material, roughness=1.0)
+    shader.CreateInput("ior", _KINDS.Float).Set(_NO_GLOSS)
     coordinates = _coordinates(stage, f"{path}/st", "st")
     texture = _define_image(stage, f"{path}/image", image, "sRGB", wrap=wrap)
     if tuple(factor) != (1.0, 1.0, 1.0):

@@ -65,6 +65,29 @@ def test_large_rocks_share_their_meshes(small_world, glb):
     assert len(positions) == len({prototype for prototype, *_ in kinds})
 
 
+def test_soil_and_rocks_have_no_gloss(small_world, tmp_path):
+    path = exported(worlds.with_horizon(small_world), tmp_path / "glb", instances_min_m=0.5)
+    text, _ = glb_parts(path)
+    assert {"ground_000", "horizon", "sky"} <= {look["name"] for look in text["materials"]}
+    for look in text["materials"]:
+        assert look["extensions"]["KHR_materials_specular"] == {"specularFactor": 0.0}
+
+
+@pytest.mark.parametrize("options", [{}, {"horizon": False}, {"close_within_m": 2.0}])
+def test_all_extensions_are_named(small_world, tmp_path, options):
+    text, _ = glb_parts(exported(detailed(small_world), tmp_path / "glb", **options))
+    assert extensions_of(text) - {"extensionsUsed"} <= set(text["extensionsUsed"])
+
+
+def extensions_of(part):
+    """Names of the extensions that a part of a glTF uses."""
+    if isinstance(part, list):
+        return set().union(*map(extensions_of, part))
+    if not isinstance(part, dict):
+        return set()
+    return set(part.get("extensions", {})) | extensions_of(list(part.values()))
+
+
 def test_the_texture_lies_the_right_way(small_world, tmp_path):
     world = speckled(small_world)
     path = exported(world, tmp_path / "glb", tile_cells=48, texture_pixels=PIXELS)
@@ -218,6 +241,18 @@ def test_the_lamp_for_blender_lights_a_world_without_a_horizon_evenly(small_worl
     sun = small_world.lighting.towards_sun
     assert np.degrees(np.arccos(away @ sun / off)).max() < 1.0
     assert (off.max() / off.min()) ** 2 < 1.06
+
+
+@pytest.mark.parametrize("air", [True, False])
+def test_the_sky_is_bright_through_air_and_else_black(small_world, tmp_path, air):
+    colour = (0.78, 0.5, 0.4) if air else (0.0, 0.0, 0.0)
+    world = worlds.with_horizon(small_world)
+    world = world.replace(lighting=world.lighting.replace(sky_rgb=colour, dust=None))
+    text, _ = glb_parts(exported(world, tmp_path / "glb"))
+    assert "sky" in [node["name"] for node in text["nodes"]]
+    look = next(material for material in text["materials"] if material["name"] == "sky")
+    assert look["pbrMetallicRoughness"]["baseColorFactor"] == [0.0, 0.0, 0.0, 1.0]
+    assert (max(look["emissiveFactor"]) > 0.0) == air
 
 
 @pytest.mark.parametrize("module", ["writers.glb", "exporters.glb.writing"])

@@ -80,6 +80,13 @@ def test_the_soils_normals_repeat_where_they_belong(small_world, stage):
         assert shows_its_detail(pixels, s, t, world, world_mesh(prim)[0])
 
 
+def test_soil_and_rocks_have_no_gloss(stage):
+    looks = [UsdShade.Material(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
+    shaders = [shader for look in looks if (shader := look.ComputeSurfaceSource()[0])]
+    textured = [s for s in shaders if s.GetInput("diffuseColor").HasConnectedSource()]
+    assert {s.GetInput("ior").Get() for s in textured} == {1.0}
+
+
 def surface(prim):
     """The shader of a prim's look."""
     material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
