@@ -28,9 +28,9 @@ def own_work() -> Iterator[None]:
         _own += time.thread_time() - begin
 
 
-def tell_own_work() -> None:
-    """Write how long it took, for the table to tell the system's processor time alone."""
-    _OWN.write_text(f"{_own:.6f}\n", encoding="ascii")
+def tell_own_work(more: float = 0.0) -> None:
+    """Write how long it took and `more` [s], for the table to tell the system's time alone."""
+    _OWN.write_text(f"{_own + more:.6f}\n", encoding="ascii")
 
 
 def names(folder: Path) -> list[tuple[int, str]]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import resource
 import shlex
 import signal
 import socket
@@ -21,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recorded import about, figure, quaternion_of, write_pose
+from recorded import about, figure, quaternion_of, tell_own_work, write_pose
 
 POINTS = "/velodyne_points"
 Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -29,6 +30,10 @@ Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 GRACE = 30.0
 ABANDONED = 8.0
 """How long all have to end once this program was told to [s]."""
+NOT_FOUND = 127
+"""How a shell ends for a program that is not there."""
+LATEST = 300.0
+"""How long a system that is behind may publish after the bag's end [s]."""
 
 
 def arguments() -> argparse.Namespace:
@@ -45,7 +50,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--axes", choices=["x-forward", "z-forward"], default="x-forward")
     parser.add_argument("--rate", type=float, default=1.0, help="times as quick as the recording")
     parser.add_argument("--delay", type=float, default=5.0, help="for the system to start [s]")
-    parser.add_argument("--settle", type=float, default=5.0, help="for it to end [s]")
+    parser.add_argument("--settle", type=float, default=10.0, help="of stillness at its end [s]")
     return parser.parse_args()
 
 
@@ -82,6 +87,7 @@ class Programs:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.before, self.running = before, []  # type: list[str], list[Any]
+        self.used: dict[int, float] = {}
         here = Path.cwd()
         more = {"ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_HOME": str(here / "ros")}
         self.environment = {**os.environ, **more, "ROS_HOSTNAME": "127.0.0.1"}
@@ -101,16 +107,23 @@ class Programs:
         """Run a program to its end."""
         return self.start(*words).wait()
 
+    def status(self, process: subprocess.Popen[bytes], seconds: float = 0.0) -> int | None:
+        """How a program ended within a time [s], which notes what it and its own had used."""
+        before = used_s(resource.RUSAGE_CHILDREN)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(seconds)
+            more = used_s(resource.RUSAGE_CHILDREN) - before
+            self.used[process.pid] = self.used.get(process.pid, 0.0) + more
+        return process.returncode
+
     def end(self, process: subprocess.Popen[bytes]) -> None:
         """Interrupt a program as Ctrl-C does, and kill what is left of it."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             try:
                 os.killpg(process.pid, number)
-                process.wait(GRACE)
             except ProcessLookupError:
                 break
-            except subprocess.TimeoutExpired:
-                continue
+            self.status(process, GRACE)
         process.wait()
 
     def abandon(self) -> None:
@@ -130,8 +143,14 @@ class Programs:
             self.end(self.running.pop())
 
 
-def play(told: argparse.Namespace, recorded: Path) -> None:
-    """Run the system over the bag and record what it publishes."""
+def used_s(whose: int) -> float:
+    """Processor time of this program, or of its children that ended [s]."""
+    used = resource.getrusage(whose)
+    return used.ru_utime + used.ru_stime
+
+
+def play(told: argparse.Namespace, recorded: Path) -> float:
+    """Run the system over the bag, record what it publishes; its processor time [s]."""
     before, command = system_of(told)
     programs = Programs(before)
     signal.signal(signal.SIGTERM, lambda *_: programs.abandon())
@@ -140,12 +159,16 @@ def play(told: argparse.Namespace, recorded: Path) -> None:
         begin = time.monotonic()
         while refused := programs.run("rosparam", "set", "/use_sim_time", "true"):
             if core.poll() is not None:
-                sys.exit(f"roscore ended with status {core.returncode}")
+                unknown = core.returncode == NOT_FOUND
+                how = "was not found" if unknown else f"ended with status {core.returncode}"
+                sys.exit(f"roscore {how}")
             if time.monotonic() - begin > GRACE:
                 sys.exit(f"roscore did not start: rosparam ended with status {refused} all along")
             time.sleep(0.5)
         topics = [told.topic, *([told.correction] if told.correction else [])]
-        recorder = programs.start("rosbag", "record", "-O", str(recorded), "--buffsize=0", *topics)
+        recorder = programs.start(
+            *("rosbag", "record", "-O", str(recorded), "--buffsize=0", "--chunksize=1", *topics)
+        )
         system = programs.start(*command)
         played = ["/tf_static", POINTS, *imus(told.recording)]
         player = programs.start(
@@ -153,17 +176,30 @@ def play(told: argparse.Namespace, recorded: Path) -> None:
             *(f"--rate={told.rate:g}", str(told.bag), "--topics", *played),
         )
         while player.poll() is None:
-            if (status := system.poll()) not in (None, 0):
+            status = programs.status(system)
+            if status or (status == 0 and command[0] == "roslaunch"):  # a script may go on behind
                 sys.exit(f"{' '.join(command)} ended with status {status} while the bag was played")
             time.sleep(0.1)
         if player.returncode:
             sys.exit(f"rosbag play ended with status {player.returncode}")
-        time.sleep(told.settle)
+        settle(recorded, told.settle)
         save(recorder, recorded)
     finally:
         programs.end_all()
     if not recorded.is_file():
         sys.exit("rosbag record wrote no bag")
+    return programs.used.get(system.pid, 0.0)
+
+
+def settle(recorded: Path, still_s: float) -> None:
+    """Wait until nothing was recorded for a time [s]: a system may be behind the bag."""
+    active = recorded.with_name(f"{recorded.name}.active")
+    size, since = -1, time.monotonic()
+    latest = since + LATEST
+    while time.monotonic() < min(since + still_s, latest):
+        if active.is_file() and active.stat().st_size != size:
+            size, since = active.stat().st_size, time.monotonic()
+        time.sleep(0.05)
 
 
 def save(recorder: subprocess.Popen[bytes], recorded: Path) -> None:
@@ -222,13 +258,15 @@ def main() -> None:
     """Play, and write the trajectory."""
     told = arguments()
     recorded = Path.cwd() / "published.bag"
-    play(told, recorded)
+    system_s = play(told, recorded)
     poses = published(told, recorded)
     if not poses:
         sys.exit(f"nothing was published on {told.topic}")
     with told.trajectory.open("w", encoding="utf-8") as file:
         for stamp, pose in poses.items():
             write_pose(file, stamp, pose[:3, 3], quaternion_of(pose[:3, :3]))
+    all_s = used_s(resource.RUSAGE_SELF) + used_s(resource.RUSAGE_CHILDREN)
+    tell_own_work(all_s - system_s)
 
 
 if __name__ == "__main__":

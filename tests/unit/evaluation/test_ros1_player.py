@@ -34,7 +34,7 @@ if name in ("roscore", "roslaunch", "alone"):
     except Interrupted:
         sys.exit(0)
 elif name == "rosbag" and sys.argv[1] == "record":
-    final, wanted = sys.argv[3], sys.argv[5:]
+    final, wanted = sys.argv[3], [word for word in sys.argv if word[0] == '/'][2:]
     child = os.fork()  # as rosbag does, which ends before it
     try:
         time.sleep(60)
@@ -139,7 +139,7 @@ def test_a_workspace_is_sourced_launched_and_played_to(ros):
     launch = "roslaunch aloam_velodyne aloam_velodyne_VLP_16.launch rviz:=false"
     assert log.index("rosparam set /use_sim_time true") < log.index(launch)
     (record,) = [line for line in log if line.startswith("rosbag record")]
-    assert record.endswith("--buffsize=0 /aft_mapped_to_init")
+    assert record.endswith("--buffsize=0 --chunksize=1 /aft_mapped_to_init")
     (play,) = [line for line in log if line.startswith("rosbag play --clock")]
     assert "recording.bag --topics /tf_static /velodyne_points /imu0" in play
 
@@ -166,6 +166,45 @@ def _linger(place):
     """The bag is played for longer than anyone waits."""
     play = place / "ros" / "rosbag"
     play.write_text(play.read_text() + "\nif 'play' in sys.argv:\n    time.sleep(20)\n")
+
+
+@pytest.mark.slow
+def test_playing_and_reading_are_not_the_systems_processor_time(ros):
+    run, place = ros
+    play, busy = place / "ros" / "rosbag", "time.process_time() < 1.0"
+    play.write_text(f"{play.read_text()}\nwhile 'play' in sys.argv and {busy}:\n    pass\n")
+    alone, work = place / "ros" / "alone", "sum(range(9_000_000)), time.sleep(60)"
+    alone.write_text(alone.read_text().replace("time.sleep(60)", work, 1))
+    result, _ = run("a-loam", alone)
+    assert result.run.status == "done", result.run.log
+    assert 0.1 < result.run.processor_s < 1.0
+
+
+@pytest.mark.slow
+def test_a_system_that_is_behind_the_bag_is_waited_for(ros):
+    run, place = ros
+    rosbag = place / "ros" / "rosbag"
+    late = (
+        "for _ in range(20):\n            time.sleep(0.2)\n"
+        "            open(final + '.active', 'a').write('a pose')\n"
+        "        open(sys.argv[0] + '.log', 'w').write('all')\n        time.sleep(60)"
+    )
+    core, record = rosbag.read_text().rsplit("time.sleep(60)", 1)
+    rosbag.write_text(f"{core}{late}{record.replace('.active', '.writing')}")
+    result, _ = run("a-loam", place / "ros" / "alone")
+    assert result.run.status == "done", result.run.log
+    assert (place / "ros" / "rosbag.log").exists()  # it was interrupted after the last pose
+
+
+@pytest.mark.slow
+def test_a_launch_whose_programs_all_ended_is_not_played_to(ros):
+    run, place = ros
+    _linger(place)
+    (place / "mine.launch").write_text("<launch/>")
+    (place / "ros" / "roslaunch").write_text("#!/bin/sh\nexit 0\n")
+    result, _ = run("a-loam", place / "mine.launch")
+    assert result.run.status == "failed"
+    assert "mine.launch ended with status 0 while the bag was played" in result.run.why
 
 
 @pytest.mark.slow
@@ -200,10 +239,13 @@ def test_what_goes_wrong_is_told(ros, program, why):
     assert why in result.run.why
 
 
+@pytest.mark.parametrize(
+    ("status", "how"), [(5, "roscore ended with status 5"), (127, "roscore was not found")]
+)
 @pytest.mark.slow
-def test_a_master_that_does_not_start_is_told_at_once(ros):
+def test_a_master_that_does_not_start_is_told_at_once(ros, status, how):
     run, place = ros
     for name in ("roscore", "rosparam"):
-        (place / "ros" / name).write_text("#!/bin/sh\nexit 5\n")
+        (place / "ros" / name).write_text(f"#!/bin/sh\nexit {status}\n")
     result, _ = run("a-loam", place / "ros" / "alone", timeout_s=20.0)
-    assert result.run.why == "ended with status 1: roscore ended with status 5"
+    assert result.run.why == f"ended with status 1: {how}"
