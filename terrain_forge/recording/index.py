@@ -155,12 +155,14 @@ def _require_column(name: str, column: NDArray[Any], count: int) -> None:
         raise ValueError(f"found what is not finite in {name!r}")
 
 
-def _write_files(store: Store, folder: Folder, _: Spans) -> NDArray[np.int64]:
-    """List the files that are there, whenever they were made, with their tables.
+def _write_files(store: Store, folder: Folder, spans: Spans) -> NDArray[np.int64]:
+    """List the files within spans that are there, whenever they were made, with their tables.
 
-    Returns their times.
+    What an interrupted recording left beyond them waits, unlisted: of a pair it may be one picture,
+    and the truth ends before. Returns their times.
     """
     times = whole_times(folder, store)
+    times = times[within(times, spans)]
     suffix = folder.streams.get("data", next(iter(folder.streams.values()))).suffix
     place = f"{MAV}/{folder.name}"
     store.put(f"{place}/data.csv", files_text((times + EPOCH).tolist(), suffix))

@@ -384,6 +384,18 @@ def test_an_interrupt_says_how_to_go_on(world, tmp_path, monkeypatch):
     assert list(tmp_path.glob(".terrain-forge*")) == []
 
 
+def test_what_an_interrupt_left_beyond_the_end_is_not_listed(whole, world, tmp_path):
+    with pytest.raises(KeyboardInterrupt):  # three pictures are there
+        tf.record(world, tmp_path, progress=_interrupting)
+    before = tf.record(world, tmp_path, end=0.25)
+    assert before.streams["cam0"] == 1
+    text = (before.folder / "mav0/cam0/data.csv").read_text()
+    assert [line.split(",")[0] for line in text.splitlines()[1:]] == [str(EPOCH)]
+    again = tf.record(world, tmp_path)
+    wanted = files(whole[0])
+    assert {name: content for name, content in files(again.folder).items()} == wanted
+
+
 def test_an_interrupt_over_the_page_says_that_all_is_recorded(world, tmp_path):
     world.save(tmp_path)
     manifest = {"format": 2, "outputs": {}, "varying": [], "exports": {}}
