@@ -22,9 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recorded import about, figure, quaternion_of, tell_own_work, write_pose
+from recorded import about, figure, quaternion_of, tell_own_work, transform, write_pose
 
 POINTS = "/velodyne_points"
+BASE = "base_link"
 Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From axes z forward, x left, y up to x forward, y left, z up."""
 GRACE = 30.0
@@ -232,10 +233,11 @@ def matrix_of(place: Any, turn: Any) -> Any:
 
 
 def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
-    """Poses by their stamps [ns], each with the correction that was the last when it came."""
+    """The lidar's poses by stamps [ns], with the correction that was the last when each came."""
     from rosbags.highlevel import AnyReader
 
     poses: dict[int, Any] = {}
+    mounted = {BASE: transform(told.recording, told.lidar)}  # it may move base_link instead
     correction = np.eye(4)
     axes = np.eye(4)
     if told.axes == "z-forward":
@@ -250,7 +252,8 @@ def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
             elif connection.topic == told.topic:
                 pose = message.pose.pose
                 whole = correction @ matrix_of(pose.position, pose.orientation)
-                poses[stamp] = axes @ whole @ axes.T
+                lidar = mounted.get(message.child_frame_id.strip("/"), np.eye(4))
+                poses[stamp] = axes @ whole @ axes.T @ lidar
     return dict(sorted(poses.items()))
 
 
