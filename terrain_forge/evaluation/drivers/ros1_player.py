@@ -99,6 +99,8 @@ class Programs:
             process = subprocess.Popen(
                 [*self.before, *words], env=self.environment, start_new_session=True
             )
+        except FileNotFoundError:
+            sys.exit(f"{words[0]} was not found")
         except OSError as error:
             sys.exit(f"{words[0]}: {(error.strerror or str(error)).lower()}")
         self.running.append(process)

@@ -264,3 +264,12 @@ def test_a_master_that_does_not_start_is_told_at_once(ros, status, how):
         (place / "ros" / name).write_text(f"#!/bin/sh\nexit {status}\n")
     result, _ = run("a-loam", place / "ros" / "alone", timeout_s=20.0)
     assert result.run.why == f"ended with status 1: {how}"
+
+
+@pytest.mark.slow
+def test_a_launch_file_without_ros_on_the_path_is_told_as_a_workspace_without_it(ros, monkeypatch):
+    run, place = ros
+    (place / "mine.launch").write_text("<launch/>")
+    monkeypatch.setenv("PATH", str(place))
+    result, _ = run("a-loam", place / "mine.launch", timeout_s=20.0)
+    assert result.run.why == "ended with status 1: roscore was not found"
