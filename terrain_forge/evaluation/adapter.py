@@ -79,10 +79,11 @@ class Adapter(Spec):
     stamps_in: Literal["seconds", "frames"] = "seconds"
     """What these numbers are: seconds from the first frame on, as in KITTI's times.txt, or the
     recording's own; or numbers of frames, from 0."""
-    frames: Literal["each", "last"] = "each"
-    """Of `kitti` without `stamps`, which frames have its poses: `each`; or the `last` ones, as many
-    as there are poses, of which those that repeat the one before are of frames in which it was
-    lost, as in what ORB-SLAM2 writes."""
+    frames: Literal["each", "found", "last"] = "each"
+    """Of `kitti` without `stamps`, which frames have its poses: `each`; those it `found`: there is
+    a pose for each, and one that repeats the one before is of a frame in which it was lost; or
+    the `last` ones, as many as there are poses, and of repeated ones the same, as ORB-SLAM2 has
+    it."""
     loops: str = ""
     """The file of its loop closures, where it writes one, as `output` names one: two times a line,
     of the two ends, and perhaps x, y, z of the second in the frame of the first [m]."""

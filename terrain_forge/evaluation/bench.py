@@ -294,7 +294,8 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
                 f"{adapter.name}: {told} poses of {frames} frames, and KITTI's format has no times "
                 "to tell of which: name a file of them as `stamps` of the system"
             )
-        return estimate.replace(time=truth.time)
+        each = estimate.replace(time=truth.time)
+        return _found_ones(each) if adapter.frames == "found" else each
     time = _stamped(estimate.time, adapter.stamps_in, truth, adapter.name)
     return estimate.replace(time=time)
 

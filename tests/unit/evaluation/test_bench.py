@@ -389,6 +389,27 @@ def test_frames_before_the_first_and_those_that_repeat_have_no_pose(dataset, sys
     assert one.score.ate.rms < 1e-9
 
 
+_STAYED = """
+    rows = open(f"{source}/poses/00.txt").readlines()
+    open(target, "w").writelines([rows[n] for n in (0, 1, 1, 3, 4)][:{count}])
+"""
+"""A pose for each frame, the last one again where it was lost."""
+
+
+def test_of_poses_of_all_frames_those_that_repeat_are_none(dataset, system):
+    options = ScoreOptions(align="origin")
+    for frames, count in (("found", 4), ("each", 5)):
+        body = _STAYED.replace("{count}", "5")
+        path = system(frames, body, input="kitti", format="kitti", frames=frames)
+        (one,) = evaluate_recording(dataset, [find_system(path)], options=options)
+        assert one.score.poses == count
+        assert (one.score.ate.rms < 1e-9) == (frames == "found")
+    fewer = _STAYED.replace("{count}", "4")  # which ones these are is not guessed
+    path = system("fewer", fewer, input="kitti", format="kitti", frames="found")
+    (one,) = evaluate_recording(dataset, [find_system(path)], options=options)
+    assert (one.run.status, "4 poses of 5 frames" in one.run.why) == ("lost", True)
+
+
 def test_a_drivers_own_time_is_not_the_systems(dataset, system):
     body = "sum(range(9_000_000))\n" + textwrap.dedent(_NOISY)
     own = body + "import time\nopen('own_s.txt', 'w').write(str(time.process_time()))\n"
