@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import os
 import resource
 import shlex
@@ -234,12 +235,17 @@ def matrix_of(place: Any, turn: Any) -> Any:
     return found
 
 
+@functools.cache
+def lidar_of(recording: Path, lidar: str, moved: str) -> Any:
+    """From a lidar's frame to the one that a system moves, shape [4, 4]: base_link's or its own."""
+    return transform(recording, lidar) if moved.strip("/") == BASE else np.eye(4)
+
+
 def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
     """The lidar's poses by stamps [ns], with the correction that was the last when each came."""
     from rosbags.highlevel import AnyReader
 
     poses: dict[int, Any] = {}
-    mounted = {BASE: transform(told.recording, told.lidar)}  # it may move base_link instead
     correction = np.eye(4)
     axes = np.eye(4)
     if told.axes == "z-forward":
@@ -254,7 +260,7 @@ def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
             elif connection.topic == told.topic:
                 pose = message.pose.pose
                 whole = correction @ matrix_of(pose.position, pose.orientation)
-                lidar = mounted.get(message.child_frame_id.strip("/"), np.eye(4))
+                lidar = lidar_of(told.recording, told.lidar, message.child_frame_id)
                 poses[stamp] = axes @ whole @ axes.T @ lidar
     return dict(sorted(poses.items()))
 
