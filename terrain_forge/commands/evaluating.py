@@ -174,10 +174,12 @@ def _tell_systems(world: Path, results: Sequence[Result], *, out: Path | None) -
     from terrain_forge import evaluation
     from terrain_forge.datasets import open_recording
 
+    recording = open_recording(world)
     for line in evaluation.result_lines(results):
         say(line)
+    for line in evaluation.log_lines(results, recording.folder):
+        say(line)
     if out:
-        recording = open_recording(world)
         for path in evaluation.write_results(results, out):
             say(str(path))
         for path in evaluation.write_paper_table(recording, results, out):

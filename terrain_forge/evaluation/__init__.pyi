@@ -7,6 +7,7 @@ from .alignment import aligned as aligned
 from .alignment import associate as associate
 from .bench import RESULTS as RESULTS
 from .bench import evaluate_recording as evaluate_recording
+from .bench import log_lines as log_lines
 from .bench import run_stages as run_stages
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system

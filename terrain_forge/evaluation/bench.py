@@ -34,7 +34,7 @@ from terrain_forge.datasets import (
     state_of,
     write_dataset,
 )
-from terrain_forge.evaluation.adapter import Adapter, Run, run_system
+from terrain_forge.evaluation.adapter import LOG, Adapter, Run, run_system
 from terrain_forge.evaluation.catalogue import (
     DRIVERS,
     interpreter,
@@ -150,6 +150,19 @@ def _tell(progress: Progress, stage: str, busy: str, _: float) -> None:
 def _digest(recording: Recording) -> str:
     """Of the recording's state, which changes where it grows."""
     return state_of(recording.folder)[:_DIGITS]
+
+
+def log_lines(results: Sequence[Result], folder: Path) -> list[str]:
+    """Of the runs of now that have no score the file with all that they printed.
+
+    Args:
+        results: The results.
+        folder: The recording's folder.
+    """
+    runs = [one for one in results if one.score is None and one.run.log]
+    places = [folder / RESULTS / f"{one.run.system}_{one.number}" for one in runs]
+    found = zip(runs, places, strict=True)
+    return [f"{one.run.system}: what it printed: {place / LOG}" for one, place in found]
 
 
 def _result(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import os
 import resource
 import shlex
@@ -22,9 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recorded import about, figure, quaternion_of, tell_own_work, write_pose
+from recorded import about, figure, quaternion_of, tell_own_work, transform, write_pose
 
 POINTS = "/velodyne_points"
+BASE = "base_link"
 Z_FORWARD = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """From axes z forward, x left, y up to x forward, y left, z up."""
 GRACE = 30.0
@@ -98,6 +100,8 @@ class Programs:
             process = subprocess.Popen(
                 [*self.before, *words], env=self.environment, start_new_session=True
             )
+        except FileNotFoundError:
+            sys.exit(f"{words[0]} was not found")
         except OSError as error:
             sys.exit(f"{words[0]}: {(error.strerror or str(error)).lower()}")
         self.running.append(process)
@@ -231,8 +235,14 @@ def matrix_of(place: Any, turn: Any) -> Any:
     return found
 
 
+@functools.cache
+def lidar_of(recording: Path, lidar: str, moved: str) -> Any:
+    """From a lidar's frame to the one that a system moves, shape [4, 4]: base_link's or its own."""
+    return transform(recording, lidar) if moved.strip("/") == BASE else np.eye(4)
+
+
 def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
-    """Poses by their stamps [ns], each with the correction that was the last when it came."""
+    """The lidar's poses by stamps [ns], with the correction that was the last when each came."""
     from rosbags.highlevel import AnyReader
 
     poses: dict[int, Any] = {}
@@ -250,7 +260,8 @@ def published(told: argparse.Namespace, recorded: Path) -> dict[int, Any]:
             elif connection.topic == told.topic:
                 pose = message.pose.pose
                 whole = correction @ matrix_of(pose.position, pose.orientation)
-                poses[stamp] = axes @ whole @ axes.T
+                lidar = lidar_of(told.recording, told.lidar, message.child_frame_id)
+                poses[stamp] = axes @ whole @ axes.T @ lidar
     return dict(sorted(poses.items()))
 
 

@@ -83,7 +83,7 @@ def test_each_goes_its_way_and_the_others_go_on(dataset, system, tmp_path):
     names = [
         system("noisy", _NOISY, needs=["stereo"]),
         system("missing", "", command="/nowhere/orb {input}"),
-        system("silent", "pass"),
+        system("silent", "print('no ground')"),
         system("kitti", _KITTI, input="kitti", format="kitti"),
         system("halted", _SHORT, input="kitti", format="kitti"),
         system("tactile", "", needs=["odometry"]),
@@ -107,6 +107,8 @@ def test_each_goes_its_way_and_the_others_go_on(dataset, system, tmp_path):
         "tactile": ("failed", "tactile needs odometry, which was not recorded"),
         "orb": ("failed", "orb is a program of yours: --binary orb=PATH"),
     }
+    printed = [line for line in done.stdout.splitlines() if "what it printed" in line]
+    assert printed == [f"silent: what it printed: {dataset / 'slam' / 'silent_1' / 'output.txt'}"]
     scores = {one["system"]: one["score"] for one in told if one["score"]}
     assert scores["kitti"]["ate_m"]["rms"] < 1e-9
     assert scores["noisy"]["ate_m"]["rms"] == pytest.approx(0.02 * 0.4**0.5, rel=1e-6)  # 2 of 5

@@ -82,7 +82,7 @@ with Writer(target) as bag:
             row = row[[1, 2, 0, 4, 5, 3, 6]]  # z forward, x left, y up, as LeGO-LOAM's are
         pose = make("geometry_msgs/msg/PoseWithCovariance", pose_of(row), none)
         moving = make("geometry_msgs/msg/TwistWithCovariance", twist, none)
-        message = make(kind, header, "camera", pose, moving)
+        message = make(kind, header, moves, pose, moving)
         bag.write(odometry, nano + 10**7, store.serialize_ros1(message, kind))
 """
 
@@ -102,9 +102,16 @@ def ros(tmp_path, monkeypatch):
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
 
-    def run(name, binary, *, z_forward=False, **changes):
-        truth = dataset / "truth" / "lidar0.tum"
-        writer.write_text(f"truth, z_forward = {str(truth)!r}, {z_forward}\n" + _WRITER)
+    def run(name, binary, *, z_forward=False, moves="lidar0", **changes):
+        told = tmp_path / "told.tum"  # of the frame that the system moves, when the lidar measured
+        lidar, rows = (
+            (dataset / "truth" / f"{frame}.tum").read_text().splitlines()
+            for frame in ("lidar0", moves)
+        )
+        stamps = {row.split()[0] for row in lidar}
+        told.write_text("\n".join(row for row in rows if row.split()[0] in stamps))
+        what = f"truth, z_forward, moves = {str(told)!r}, {z_forward}, {moves!r}\n"
+        writer.write_text(what + _WRITER)
         (adapter,) = chosen_systems(name, dataset, [f"{name}={binary}"])
         quick = adapter.command + " --delay 0 --settle 1"
         (result,) = evaluate_recording(dataset, [replace(adapter, command=quick, **changes)])
@@ -160,6 +167,14 @@ def test_corrections_of_the_graph_are_applied_from_when_they_came(ros):
     _require_truth(result.run, place)
     assert f"roslaunch {place / 'mine.launch'}" in log
     assert any(line.endswith("/odom /hdl_graph_slam/odom2pub") for line in log)
+
+
+@pytest.mark.slow
+def test_a_system_that_moves_base_link_is_taken_for_the_lidars_motion(ros):
+    run, place = ros
+    (place / "mine.launch").write_text("<launch/>")
+    result, _ = run("hdl-graph-slam", place / "mine.launch", moves="base_link")
+    _require_truth(result.run, place)
 
 
 def _linger(place):
@@ -249,3 +264,12 @@ def test_a_master_that_does_not_start_is_told_at_once(ros, status, how):
         (place / "ros" / name).write_text(f"#!/bin/sh\nexit {status}\n")
     result, _ = run("a-loam", place / "ros" / "alone", timeout_s=20.0)
     assert result.run.why == f"ended with status 1: {how}"
+
+
+@pytest.mark.slow
+def test_a_launch_file_without_ros_on_the_path_is_told_as_a_workspace_without_it(ros, monkeypatch):
+    run, place = ros
+    (place / "mine.launch").write_text("<launch/>")
+    monkeypatch.setenv("PATH", str(place))
+    result, _ = run("a-loam", place / "mine.launch", timeout_s=20.0)
+    assert result.run.why == "ended with status 1: roscore was not found"
