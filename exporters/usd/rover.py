@@ -35,6 +35,8 @@ _COEFFICIENTS = {
     "radtan": ("k1", "k2", "p1", "p2", "k3"),
     "equidistant": ("k1", "k2", "k3", "k4"),
 }
+_USUAL_RATE = 24.0
+"""Time codes a second where samples allow it: Blender plays so many whatever the file says."""
 _CLIPPING = (0.05, 10000.0)
 """What cameras see [m]."""
 
@@ -46,10 +48,9 @@ def write_scene(path: Path, world: World, *, base: str) -> None:
     stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
     set_conventions(stage)
     stage.SetDefaultPrim(stage.GetPrimAtPath(f"/{ROOT}"))
-    rate, last = 24.0, 0.0
+    rate, last = _USUAL_RATE, 0.0
     if world.trajectories:
-        # The samples of the first trajectory fall on whole time codes.
-        rate = max(1.0, float(np.round(1 / np.median(np.diff(world.trajectories[0].time)))))
+        rate = _time_codes(world.trajectories[0])
         last = max(float(trajectory.time[-1]) for trajectory in world.trajectories)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
@@ -58,6 +59,12 @@ def write_scene(path: Path, world: World, *, base: str) -> None:
     for trajectory in world.trajectories:
         _define_replay(stage, trajectory, world.rover, rate)
     save(stage)
+
+
+def _time_codes(trajectory: Trajectory) -> float:
+    """Time codes a second, such that a trajectory's samples fall on whole ones."""
+    rate = max(1.0, float(np.round(1 / np.median(np.diff(trajectory.time)))))
+    return rate if _USUAL_RATE % rate else _USUAL_RATE
 
 
 def _define_replay(stage: Usd.Stage, trajectory: Trajectory, rover: Rover, rate: float) -> None:

@@ -103,10 +103,18 @@ def test_a_black_sky_is_an_image_with_the_earth_and_stars(small_world, tmp_path)
     assert image[int((0.5 - dec / np.pi) * 512), column] > 0.0
 
 
-def test_the_replay_is_as_long_as_the_path(small_world, stage):
-    rate = stage.GetTimeCodesPerSecond()
-    assert rate == 12
-    assert stage.GetEndTimeCode() == pytest.approx(small_world.trajectories[0].time[-1] * rate)
+@pytest.mark.parametrize(("poses", "rate"), [(12, 24), (10, 10)])
+def test_the_replay_is_as_long_as_the_path(small_world, tmp_path, poses, rate):
+    """At 24 time codes a second, as programs play, where each pose then falls on a whole one."""
+    (path,) = small_world.trajectories
+    path = path.replace(time=np.arange(len(path.time)) / poses)
+    export(small_world.replace(trajectories=(path,)), tmp_path, options=Options())
+    stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == rate
+    assert stage.GetEndTimeCode() == pytest.approx(path.time[-1] * rate)
+    places = stage.GetPrimAtPath("/World/Paths/arc").GetAttribute("xformOp:translate")
+    codes = np.round(places.GetTimeSamples(), 6)
+    assert np.isin(np.arange(len(path.time)) * rate // poses, codes).all()
 
 
 def test_cameras_look_where_the_sensors_do(small_world, stage):
