@@ -26,10 +26,9 @@ from terrain_forge.writers import Gltf, encode_jpeg, encode_png
 
 from .options import Options
 
-TRANSFORM = "KHR_texture_transform"
-SPECULAR = "KHR_materials_specular"
-NO_GLOSS = {SPECULAR: {"specularFactor": 0.0}}
-"""Extensions of soil and rocks: with gloss even rough ones are nearly white towards a low Sun."""
+_TRANSFORM = "KHR_texture_transform"
+_NO_GLOSS = {"KHR_materials_specular": {"specularFactor": 0.0}}
+"""Soil and rocks have none: with it even rough ones are nearly white towards a low Sun."""
 Z_UP_TO_Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 """Turns the world's axes (east, north, up) into glTF's (x, z, -y), as (x, y, z, w)."""
 
@@ -55,7 +54,7 @@ class SharedParts:
         (along, across), (west, south) = detail_placement(ground, self._detail)
         # v runs down from the top of both images.
         place = {"scale": [along, across], "offset": [west, (1.0 - across - south) % 1.0]}
-        return {"index": self._soil, "extensions": {TRANSFORM: place}}
+        return {"index": self._soil, "extensions": {_TRANSFORM: place}}
 
     def beyond(self, horizon: Horizon) -> dict[str, Any]:
         """What lies beyond the border as a piece of a mesh, with its material."""
@@ -154,7 +153,7 @@ def close_look(patch: ClosePatch, gltf: Gltf, name: str) -> dict[str, Any]:
     (along, across), (west, south) = patch.scale, patch.offset
     # v runs down from the top of both images.
     place = {"scale": [along, across], "offset": [west, 1.0 - across - south]}
-    laid = {"extensions": {TRANSFORM: place}}
+    laid = {"extensions": {_TRANSFORM: place}}
     colours, normals = (
         {"index": gltf.add_texture(picture, tiles=False, media_type="image/jpeg"), **laid}
         for picture in map(encode_jpeg, map(image_rows, (patch.texture.rgb, patch.texture.normals)))
@@ -190,4 +189,4 @@ def matt(
     if roughness is not None:
         look["metallicRoughnessTexture"] = {"index": roughness}
     relief = {"normalTexture": normals} if normals else {}
-    return {"name": name, "pbrMetallicRoughness": look, **relief, "extensions": NO_GLOSS}
+    return {"name": name, "pbrMetallicRoughness": look, **relief, "extensions": _NO_GLOSS}

@@ -11,7 +11,7 @@ from terrain_forge.geometry import facing_sun, light_levels, sky_colours
 from terrain_forge.model import Lighting, Mesh, World
 from terrain_forge.writers import Gltf
 
-from .ground import NO_GLOSS
+from .ground import matt
 from .options import Options
 
 EXTENSION = "KHR_lights_punctual"
@@ -85,16 +85,7 @@ def _sun_node(lighting: Lighting) -> dict[str, Any]:
 def _sky_node(gltf: Gltf, middle: Array, radius: float, colour: Array) -> dict[str, Any]:
     """Add a sphere that shines inwards, or is black; returns its node."""
     sphere = _sphere()
-    material = {
-        "name": "sky",
-        "pbrMetallicRoughness": {
-            "baseColorFactor": [0.0, 0.0, 0.0, 1.0],
-            "metallicFactor": 0.0,
-            "roughnessFactor": 1.0,
-        },
-        "emissiveFactor": colour.tolist(),
-        "extensions": NO_GLOSS,
-    }
+    material = {**matt("sky", rgb=(0.0, 0.0, 0.0)), "emissiveFactor": colour.tolist()}
     primitive = gltf.add_primitive(
         radius * sphere.vertices, -sphere.vertices, gltf.add_indices(sphere.faces)
     )

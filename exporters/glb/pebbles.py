@@ -13,7 +13,7 @@ from terrain_forge.base import xyzw
 from terrain_forge.model import RockField, World
 from terrain_forge.writers import Gltf
 
-from .ground import SPECULAR, Z_UP_TO_Y_UP
+from .ground import Z_UP_TO_Y_UP
 from .rocks import rock_meshes
 
 FILE = "pebbles.glb"
@@ -45,9 +45,8 @@ def write_pebbles(world: World, rocks: RockField, path: Path) -> None:
         gltf.write(
             path,
             nodes=map(json.dumps, [root, *nodes]),
-            asset={"version": "2.0", "generator": "terrain-forge"},
+            in_nodes=[INSTANCING],
             # Else one that does not know it would show one pebble of each kind, in the middle.
-            extensionsUsed=[INSTANCING, SPECULAR],
             extensionsRequired=[INSTANCING],
             scene=0,
             scenes=[{"name": "pebbles", "nodes": [0]}],

@@ -61,7 +61,7 @@ from terrain_forge.model import (
 from terrain_forge.rocks import require_pebbles, rocks_near_paths, seen_close, tiles_near_paths
 from terrain_forge.writers import Gltf, encode_png
 
-from .ground import SPECULAR, TRANSFORM, Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
+from .ground import Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
 from .options import Options
 from .pebbles import write_pebbles
 from .rocks import node_texts, rock_meshes
@@ -164,7 +164,7 @@ def _write_level(
             meshes = rock_meshes(local, single, gltf, levels)
             boxes.append(rocks_box(single, tile.whole.library))
             nodes += json.loads(f"[{','.join(node_texts(single, meshes))}]")
-        _write_asset(gltf, path, nodes, transforms=bool(patches))
+        _write_asset(gltf, path, nodes)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
 
@@ -188,16 +188,12 @@ def _add_merged(
     return boxes
 
 
-def _write_asset(
-    gltf: Gltf, path: Path, nodes: list[dict[str, Any]], *, transforms: bool = False
-) -> None:
-    """Write meshes of nodes whose z axis is up; with `transforms` textures are shifted."""
+def _write_asset(gltf: Gltf, path: Path, nodes: list[dict[str, Any]]) -> None:
+    """Write meshes of nodes whose z axis is up."""
     root = {"rotation": Z_UP_TO_Y_UP, "children": list(range(1, 1 + len(nodes)))}
     gltf.write(
         path,
         nodes=map(json.dumps, [root, *nodes]),
-        asset={"version": "2.0", "generator": "terrain-forge"},
-        extensionsUsed=[SPECULAR, *([TRANSFORM] if transforms else [])],
         scene=0,
         scenes=[{"nodes": [0]}],
     )

@@ -27,7 +27,7 @@ from terrain_forge.model import CLOSE, ExportReport, Trajectory, World
 from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
-from .ground import SPECULAR, TRANSFORM, Z_UP_TO_Y_UP, SharedParts, ground_tile, matt
+from .ground import Z_UP_TO_Y_UP, SharedParts, ground_tile, matt
 from .lights import EXTENSION, add_lights
 from .options import Options
 from .pebbles import FILE, write_pebbles
@@ -76,12 +76,6 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
         gltf.write(
             directory / "world.glb",
             nodes=chain(map(json.dumps, [root, *fixed]), rocks),
-            asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=[
-                EXTENSION,
-                SPECULAR,
-                *([TRANSFORM] if world.appearance.detail or options.close_within_m > 0.0 else []),
-            ],
             extensions={EXTENSION: {"lights": lights}},
             scene=0,
             scenes=[{"name": world.site.name, "nodes": [0]}],

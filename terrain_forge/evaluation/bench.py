@@ -42,7 +42,7 @@ from terrain_forge.evaluation.catalogue import (
     require_ready,
     vocabulary_of,
 )
-from terrain_forge.evaluation.kept import forget_runs, kept_results
+from terrain_forge.evaluation.kept import forget_runs, kept_in, kept_results
 from terrain_forge.evaluation.loops import LoopScore, score_loops
 from terrain_forge.evaluation.needs import (
     frames_given,
@@ -106,7 +106,7 @@ def evaluate_recording(
     inputs: dict[str, Path] = {}
     folder = recording.folder / RESULTS
     order = [(adapter, number) for adapter in adapters for number in range(1, runs + 1)]
-    written = (f"{RESULTS}/{adapter.name}_{number}" for adapter, number in order)
+    written = (f"{RESULTS}/{kept_in(adapter.name, number)}" for adapter, number in order)
     for place in (f"{_INPUTS}/{_digest(recording)}", *written):
         require_unlinked(recording.folder, place)
 
@@ -159,10 +159,11 @@ def log_lines(results: Sequence[Result], folder: Path) -> list[str]:
         results: The results.
         folder: The recording's folder.
     """
-    runs = [one for one in results if one.score is None and one.run.log]
-    places = [folder / RESULTS / f"{one.run.system}_{one.number}" for one in runs]
-    found = zip(runs, places, strict=True)
-    return [f"{one.run.system}: what it printed: {place / LOG}" for one, place in found]
+    return [
+        f"{run.system}: what it printed: {folder / RESULTS / kept_in(run.system, one.number) / LOG}"
+        for one in results
+        if (run := one.run).log and one.score is None
+    ]
 
 
 def _result(
@@ -173,7 +174,7 @@ def _result(
     options: ScoreOptions,
     progress: Progress,
 ) -> Result:
-    keep = recording.folder / RESULTS / f"{adapter.name}_{number}"
+    keep = recording.folder / RESULTS / kept_in(adapter.name, number)
     for name in (ERRORS, f"{adapter.name}.tum"):  # an earlier run's
         (keep / name).unlink(missing_ok=True)
     frame, frames = adapter.frame.strip("{}"), 0

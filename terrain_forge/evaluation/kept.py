@@ -65,12 +65,17 @@ def kept_results(
     return fitting, [one for one in others if one not in fitting]
 
 
+def kept_in(system: str, number: int) -> str:
+    """Name of the folder, among the results, of what is kept of a run."""
+    return f"{system}_{number}"
+
+
 def forget_runs(folder: Path, results: Collection[Result]) -> None:
     """Remove what was kept of runs whose results went; what others put beside it stays."""
     places = {path.name: path for path in folder.iterdir() if path.is_dir()}
     for one in results:
         name = one.run.system
-        place = places.get(f"{name}_{one.number}")
+        place = places.get(kept_in(name, one.number))
         if place is None or place.is_symlink():
             continue
         ours = {LOG, ERRORS, *(f"{name}.{ending}" for ending in get_args(OutputFormat))}

@@ -30,6 +30,7 @@ _VERTICES, _INDICES = 34962, 34963
 _COMPONENT = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}
 _RESTART = 2**16 - 1  # no index: it ends a strip
 _SHAPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_ASSET = {"version": "2.0", "generator": "terrain-forge"}
 _CHUNK_HEADER = 8
 _FILE_HEADER = 12
 
@@ -125,13 +126,16 @@ class Gltf:
         sampler = known.index(filters) if filters in known else self.add("samplers", filters)
         return self.add("textures", {"source": image, "sampler": sampler})
 
-    def write(self, path: Path, *, nodes: Iterable[str], **entries: Any) -> None:
-        """Write the file.
+    def write(
+        self, path: Path, *, nodes: Iterable[str], in_nodes: Iterable[str] = (), **entries: Any
+    ) -> None:
+        """Write the file, which names the extensions that it uses.
 
         Args:
             path: The file.
             nodes: The nodes as JSON objects in their order; a text may hold several with commas
                 between them.
+            in_nodes: Names of their extensions, but for those that `entries` describe.
             entries: What else the asset says, as JSON values.
 
         Raises:
@@ -139,7 +143,11 @@ class Gltf:
         """
         buffers = [{"byteLength": self._length}] if self._length else []
         lists = {"buffers": buffers, **self._parts}
-        described = {**entries, **{kind: parts for kind, parts in lists.items() if parts}}
+        looks = sorted(_extensions(self._parts.get("materials", [])))
+        if used := [*dict.fromkeys([*entries.get("extensions", {}), *looks, *in_nodes])]:
+            entries = {"extensionsUsed": used, **entries}
+        parts = {kind: parts for kind, parts in lists.items() if parts}
+        described = {"asset": _ASSET, **entries, **parts}
         head = json.dumps(described, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         with path.open("wb") as file:
             file.write(bytes(_FILE_HEADER + _CHUNK_HEADER))
@@ -162,8 +170,7 @@ class Gltf:
         """Write a file of nothing but one mesh of these pieces, its axes as they are."""
         self.add("meshes", {"name": path.stem, "primitives": list(primitives)})
         node = json.dumps({"name": path.stem, "mesh": 0})
-        asset = {"version": "2.0", "generator": "terrain-forge"}
-        self.write(path, nodes=[node], asset=asset, scene=0, scenes=[{"nodes": [0]}])
+        self.write(path, nodes=[node], scene=0, scenes=[{"nodes": [0]}])
 
     def _add_array(self, values: NDArray[Any], view: dict[str, int], *, bounded: bool) -> int:
         values = np.ascontiguousarray(values)
@@ -187,6 +194,15 @@ class Gltf:
         self._binary.write(bytes(-length % 4))
         self._length += length + -length % 4
         return self.add("bufferViews", {**place, **view})
+
+
+def _extensions(part: Any) -> set[str]:
+    """Names of the extensions in a part of a description, however deep."""
+    if isinstance(part, list):
+        return {name for one in part for name in _extensions(one)}
+    if not isinstance(part, dict):
+        return set()
+    return {*part.get("extensions", {}), *_extensions([*part.values()])}
 
 
 def _check_capacity(length: int) -> None:

@@ -68,12 +68,10 @@ def page_model(
             below = {"children": list(range(first, first + len(parts)))} if parts else {}
             nodes += [{"name": name, **place, **below}, *parts]
         path = Path(folder) / "world.glb"
-        used = [_UNLIT, *([INSTANCING] if len(world.field) else [])]
         gltf.write(
             path,
             nodes=map(json.dumps, nodes),
-            asset={"version": "2.0", "generator": "terrain-forge"},
-            extensionsUsed=used,
+            in_nodes=[INSTANCING] if len(world.field) else [],
             scene=0,
             scenes=[{"nodes": [0]}],
         )
