@@ -63,6 +63,14 @@ def _own_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _one_thread():
+    """To start threads for small things costs more than it saves; some tests ask for several."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("numba.config.NUMBA_NUM_THREADS", 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _small_pictures():
     """Most of what building a small world costs is its pictures."""
     with pytest.MonkeyPatch.context() as patch:
