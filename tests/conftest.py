@@ -63,6 +63,14 @@ def _own_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _one_thread():
+    """To start threads for small things costs more than it saves; some tests ask for several."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("numba.config.NUMBA_NUM_THREADS", 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _small_pictures():
     """Most of what building a small world costs is its pictures."""
     with pytest.MonkeyPatch.context() as patch:
@@ -83,3 +91,13 @@ def pytest_collection_finish():
     """Tests make many objects and few cycles: do not look through all that was imported."""
     gc.freeze()
     gc.set_threshold(100_000, 50, 50)
+    entropy = sys.modules.get("hypothesis.internal.entropy")
+    if entropy:  # later it would look through all objects for those that know its generator
+        with entropy.deterministic_PRNG():
+            pass
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure():
+    """Pytest has just looked for garbage, and would look through everything once more."""
+    gc.freeze()

@@ -14,9 +14,9 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
-from inspect import cleandoc, getsource, isfunction
+from inspect import cleandoc, getsourcefile, isfunction
 from itertools import pairwise
-from textwrap import dedent
+from linecache import getlines
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -184,14 +184,18 @@ BY_KIND = ByKind()
 _CONFIG: dict[str, object] = {"extra": "forbid", "allow_inf_nan": False}
 
 
+_documented = False
+
+
 @contextmanager
 def documented() -> Iterator[None]:
     """Within it, schemas take over the text under each field; reading all source takes a while."""
-    _CONFIG["use_attribute_docstrings"] = True
+    global _documented
+    _documented = True
     try:
         yield
     finally:
-        del _CONFIG["use_attribute_docstrings"]
+        _documented = False
 
 
 class Idle(NamedTuple):
@@ -225,9 +229,9 @@ class Spec:
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> Any:
         schema = handler(core)
-        if "use_attribute_docstrings" in _CONFIG:  # which takes those of the class itself alone
+        if _documented:
             keys = handler.resolve_ref_schema(schema).get("properties", {})
-            for name, text in _inherited_texts(cls).items():
+            for name, text in _texts(cls).items():
                 if name in keys:
                     keys[name].setdefault("description", text)
         return schema
@@ -270,23 +274,38 @@ class Spec:
                 raise RecipeError(f"has no effect: {why}", key=(name,))
 
 
-def _inherited_texts(spec: type) -> dict[str, str]:
-    """The texts under the fields of a spec's bases, by the fields' names."""
+def _texts(spec: type) -> dict[str, str]:
+    """The texts under the fields of a spec and its bases, by the fields' names."""
     found: dict[str, str] = {}
-    for base in spec.__mro__[1:]:
-        if "__dataclass_fields__" not in vars(base):
-            continue
+    for base in spec.__mro__:
+        whole = None
         with suppress(OSError, TypeError):  # one that is made in no file has none
-            (whole,) = ast.parse(dedent(getsource(base))).body
-            assert isinstance(whole, ast.ClassDef)
-            for pair in pairwise(whole.body):
-                match pair:
-                    case (
-                        ast.AnnAssign(target=ast.Name(id=name)),
-                        ast.Expr(value=ast.Constant(value=str(text))),
-                    ):
-                        found.setdefault(name, cleandoc(text))
+            whole = _classes(getsourcefile(base) or "").get(base.__qualname__)
+        for pair in pairwise(whole.body if whole else ()):
+            match pair:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    found.setdefault(name, cleandoc(text))
     return found
+
+
+@cache
+def _classes(file: str) -> dict[str, ast.ClassDef]:
+    """The classes of a file of source, by their qualified names: `inspect` reads it for each."""
+    return dict(_named_classes(ast.parse("".join(getlines(file)))))
+
+
+def _named_classes(part: ast.AST, before: str = "") -> Iterator[tuple[str, ast.ClassDef]]:
+    for one in ast.iter_child_nodes(part):
+        if isinstance(one, ast.ClassDef):
+            yield before + one.name, one
+            yield from _named_classes(one, f"{before}{one.name}.")
+        elif isinstance(one, ast.FunctionDef):
+            yield from _named_classes(one, f"{before}{one.name}.<locals>.")
+        elif isinstance(one, ast.stmt):
+            yield from _named_classes(one, before)
 
 
 def type_adapter(spec: type[Any]) -> TypeAdapter[Any]:

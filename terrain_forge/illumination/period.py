@@ -208,11 +208,20 @@ def _top_of_sun(ephemeris: Ephemeris, latitude: float, azimuths: Array) -> Array
     """
     most = highest_declination(ephemeris)
     heights = np.radians(np.arange(90.0, -90.001, -0.01))
-    sine = (
-        np.sin(latitude) * np.sin(heights)[None, :]
-        + np.cos(latitude) * np.cos(heights) * (np.cos(azimuths)[:, None])
-    )
-    reached = np.abs(np.arcsin(np.clip(sine, -1.0, 1.0))) <= most
-    above = np.maximum(np.argmax(reached, axis=1) - 1, 0)
-    middle = np.where(reached.any(axis=1), heights[above], -0.5 * np.pi)
+
+    def declination(at: NDArray[np.intp]) -> Array:
+        high = heights[at]
+        sine = np.sin(latitude) * np.sin(high)
+        sine += np.cos(latitude) * np.cos(high) * np.cos(azimuths)
+        return np.asarray(np.arcsin(np.clip(sine, -1.0, 1.0)))
+
+    # From the zenith down, half a turn, it goes from the latitude once to what is opposite.
+    low = np.zeros(len(azimuths), np.intp)
+    high = np.where(np.abs(declination(low)) > most, len(heights) - 1, 0)
+    while (low < high).any():
+        at = (low + high) // 2
+        beyond = np.copysign(1.0, latitude) * declination(at) > most
+        low, high = np.where(beyond, at + 1, low), np.where(beyond, high, at)
+    reached = np.abs(declination(low)) <= most
+    middle = np.where(reached, heights[np.maximum(low - 1, 0)], -0.5 * np.pi)
     return np.asarray(middle + 0.5 * widest_sun(ephemeris))

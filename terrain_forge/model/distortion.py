@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval, Len
 
-from terrain_forge.base import BY_KIND, Record, Spec
+from terrain_forge.base import BY_KIND, Record, Spec, checked, remembered
 
 Coefficient = Annotated[float, Interval(ge=-1e4, le=1e4)]
 
@@ -38,6 +38,8 @@ class Distortion(Record, Spec):
         raise NotImplementedError
 
     @property
+    @remembered
+    @checked
     def fold(self) -> float:
         """The argument up to which `radius` grows: beyond, the lens would show things twice."""
         for step in range(1, _STEPS + 1):

@@ -225,7 +225,7 @@ def json_schema(*, exporters: bool = True) -> dict[str, Any]:
             imported for it.
     """
     with documented():
-        schema = TypeAdapter(Recipe).json_schema()
+        schema = adapter().json_schema()
         if exporters:
             _name_exporters(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -171,9 +171,7 @@ def _spec_type(file: Path) -> type[BuiltInRover]:
 
 
 def _make(name: str, base: type, options: list[tuple[str, Any, Any]], text: str) -> Any:
-    told: dict[str, object] = {"use_attribute_docstrings": False}  # they are no source code
     space: dict[str, Any] = {"__doc__": text, "__module__": __name__}
-    space["__pydantic_config__"] = Spec.__pydantic_config__ | told
     made = make_dataclass(name, options, bases=(base,), namespace=space, frozen=True, kw_only=True)
     _made[name] = made
     return made

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from terrain_forge.base import Array, Record, portable, shaped
+from terrain_forge.base import Array, Record, portable, remembered, shaped
 from terrain_forge.model import EARTH_RADIUS, Ephemeris
 from terrain_forge.sky.orbits import AU, about_sun, axes, cross, earth_about_sun, orbit_pole, unit
 
@@ -94,6 +94,7 @@ def true_solar_time(part: float) -> str:
     return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
+@remembered
 def highest_declination(ephemeris: Ephemeris) -> float:
     """How far north or south of the equator the Sun's middle gets between 1950 and 2050 [rad]."""
     pole = axes(ephemeris.rotation, _CENTURY)[:, 2]
@@ -101,6 +102,7 @@ def highest_declination(ephemeris: Ephemeris) -> float:
     return float(portable.arcsin(np.abs((pole * towards).sum(axis=1)).max()))
 
 
+@remembered
 def widest_sun(ephemeris: Ephemeris) -> float:
     """The largest angle that the Sun fills between 1950 and 2050 [rad]."""
     nearest = portable.norm(about_sun(ephemeris, _CENTURY)).min()

@@ -52,7 +52,8 @@ def test_kernels_that_others_may_have_written_are_not_run(tmp_path: Path, mode: 
 
 
 @pytest.mark.parametrize("count", [0, 1, 31, 33, 5000])
-def test_parts_are_all_of_it_once(count: int) -> None:
+def test_parts_are_all_of_it_once(count: int, use_threads: Callable[[int], None]) -> None:
+    use_threads(3)
     done = np.zeros(count, np.int64)
 
     def part(first: int, last: int) -> None:

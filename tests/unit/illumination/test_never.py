@@ -78,6 +78,8 @@ def test_nothing_is_told_where_the_dtm_has_a_hole(hills, tmp_path):
     assert told["mean_sunlight_hours"] == pytest.approx(hours.mean(), rel=1e-5)
     assert told["never_lit_share"] == pytest.approx(maps["never_lit"].compressed().mean())
     assert f"{hours.mean():.4g} h of" in lines[1]
+    never = maps["never_lit"].compressed() == 1
+    assert 0.0 < never.mean() < np.mean(hours == 0.0), "other days light what these do not"
 
 
 def test_a_map_all_in_a_hole_is_refused(hills, tmp_path):

@@ -251,12 +251,13 @@ def test_a_rock_on_its_edge_does_not_pass(settled):
     assert outcomes == [True, False]
 
 
-def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path):
+def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path, use_threads):
     """Raised by a fifth of their diameter, they fall."""
     raised = world.field.position + world.field.diameter[:, None] * (0.0, 0.0, 0.2)
     thrown = world.replace(field=world.field.replace(position=raised))
     (tmp_path / "mjcf").mkdir()
     export(thrown, tmp_path / "mjcf")
+    use_threads(2)
     stay = watch(thrown, tmp_path / "mjcf" / "world.xml")
     assert not stay.stayed.any()
     assert stay.shift.min() > 5 * MOST_SHIFT

@@ -32,6 +32,7 @@ def site(tmp_path_factory):
         body="mars",
         dtm=tf.RasterDtm(source="dtm.tif", size_m=(24.0, 24.0), noise="keep", level="none"),
         terrain=tf.TerrainSpec(spacing_m=0.1),
+        horizon=tf.HorizonSpec(reach_m=0),
         rocks=tf.RocksSpec(
             library=tf.LibrarySpec(shapes=4),
             lists=(tf.RockListSpec(name="mine", file="rocks.csv"),),
@@ -77,10 +78,14 @@ def test_what_is_left_out_is_told(world):
     assert told["together"]["unsupported"] == sum(world.unsupported_number)
 
 
-def test_parts_leave_out_what_the_whole_does(site, world):
-    parts = []
-    for column, row in ((0, 0), (120, 0), (0, 120), (120, 120)):
-        parts.append(tf.realise(site, Window(column=column, row=row, columns=120, rows=120)))
+@pytest.fixture(scope="module")
+def parts(site):
+    """The quarters of the site, each made for itself."""
+    corners = ((0, 0), (120, 0), (0, 120), (120, 120))
+    return [tf.realise(site, Window(column=c, row=r, columns=120, rows=120)) for c, r in corners]
+
+
+def test_parts_leave_out_what_the_whole_does(site, world, parts):
     found = np.concatenate([part.field.id for part in parts])
     assert np.array_equal(np.sort(found), np.sort(world.field.id))
     assert sum(part.unsupported_number[0] for part in parts) == world.unsupported_number[0]
@@ -88,11 +93,10 @@ def test_parts_leave_out_what_the_whole_does(site, world):
     assert merged["populations"][0]["unsupported"] == world.unsupported_number[0]
 
 
-def test_a_tile_counts_what_is_left_out_in_it_alone(site, world):
+def test_a_tile_counts_what_is_left_out_in_it_alone(site, world, parts):
     tiles = [tile.world for tile in world.tiles(cells=100)]
-    for column, row in ((0, 0), (120, 0), (0, 120), (120, 120)):
-        window = Window(column=column, row=row, columns=120, rows=120)
-        part = tf.realise(site, window)
+    for part in parts:
+        window = part.window
         tile = tf.realise(site, site.padded(window, 2.0)).tile(window, number=0).world
         assert tile.unsupported_number == part.unsupported_number
     assert sum(one.unsupported_number[0] for one in tiles) == world.unsupported_number[0]

@@ -47,7 +47,7 @@ def test_soil_on_rocks_is_what_the_picture_shows(coloured):
     assert soil_colour(world) == pytest.approx(shown, rel=0.03)
     west = realise(coloured, Window(column=0, row=0, columns=20, rows=20))
     assert np.array_equal(soil_colour(west), soil_colour(world)), "tiles agree"
-    horizon = make_horizon(coloured, world.ground, world.appearance, world.library)
+    horizon = world.horizon
     stones = horizon.rgb[horizon.ground_vertices :].reshape(-1, 3).astype(float)
     brown = coloured.replace(orthoimage=None)
     plain = make_horizon(brown, world.ground, world.appearance, world.library)

@@ -300,7 +300,7 @@ def test_any_sweep_alone_is_the_same_in_bytes(hill, use_threads):
     make = instrument_kinds()["lidar"]
     whole = [make(lidar, hill).measure(number)["data"] for number in (3, 4, 5)]
     fresh = Setting(world=hill.world, motion=hill.motion, scenery=hill.scenery, gravity=3.7, seed=1)
-    use_threads(1)
+    use_threads(3)
     assert make(lidar, fresh).measure(5)["data"] == whole[2]
     assert make(lidar, fresh).measure(4)["data"] == whole[1]
     other = make(lidar.replace(name="twin"), hill).measure(3)["data"]

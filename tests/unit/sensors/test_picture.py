@@ -208,7 +208,7 @@ def test_texture_stays_where_it_is_while_the_camera_moves(ball):
 
 
 def test_threads_and_repetition_change_nothing(setting, pose, exposure, use_threads):
-    use_threads(1)
+    use_threads(3)
     again = take_exposure(setting, rays=_rays(), **pose, tracks_behind=None)
     for name in ("radiance", "depth", "instance", "normal", "sunlit"):
         assert np.array_equal(getattr(again, name), getattr(exposure, name))

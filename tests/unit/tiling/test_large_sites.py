@@ -15,6 +15,7 @@ seed: 3
 body: moon
 dtm: {kind: flat, size_m: [12000, 12000]}
 terrain: {spacing_m: 0.25}
+horizon: {reach_m: 0}
 rocks:
   library: {shapes: 4}
   populations:
