@@ -82,8 +82,8 @@ class Adapter(Spec):
     frames: Literal["each", "found", "last"] = "each"
     """Of `kitti` without `stamps`, which frames have its poses: `each`; those it `found`: there is
     a pose for each, and one that repeats the one before is of a frame in which it was lost; or
-    the `last` ones, as many as there are poses, and of repeated ones the same, as ORB-SLAM2 has
-    it."""
+    the `last` ones, as many as there are poses, without all that are alike, as ORB-SLAM2 has it:
+    in the first frame of a loss it tells what it expected, then that again."""
     loops: str = ""
     """The file of its loop closures, where it writes one, as `output` names one: two times a line,
     of the two ends, and perhaps x, y, z of the second in the frame of the first [m]."""

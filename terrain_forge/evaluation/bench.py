@@ -288,7 +288,7 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
         return estimate
     told, frames = len(estimate.time), len(truth.time)
     if adapter.frames == "last" and not adapter.stamps and told <= frames:
-        return _found_ones(estimate.replace(time=truth.time[frames - told :]))
+        return _found_ones(estimate.replace(time=truth.time[frames - told :]), first=False)
     if not adapter.stamps:
         if told != frames:
             raise DataError(
@@ -301,10 +301,12 @@ def _timed(estimate: TimedPoses, adapter: Adapter, truth: TimedPoses) -> TimedPo
     return estimate.replace(time=time)
 
 
-def _found_ones(estimate: TimedPoses) -> TimedPoses:
-    """The poses that do not repeat the one before."""
+def _found_ones(estimate: TimedPoses, *, first: bool = True) -> TimedPoses:
+    """The poses that do not repeat the one before, with or without the first of those alike."""
     rows = np.hstack([estimate.position, estimate.quaternion])
     moved = np.concatenate([[True], (np.diff(rows, axis=0) != 0.0).any(axis=1)])
+    if not first:
+        moved &= np.append(moved[1:], True)
     return estimate.replace(
         time=estimate.time[moved],
         position=estimate.position[moved],
