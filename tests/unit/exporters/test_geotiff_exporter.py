@@ -60,6 +60,11 @@ def test_slope_and_shade_of_a_plane(small_world, tmp_path):
     assert np.abs(rasters["hillshade"].astype(float) - 255 * light).max() <= 0.51
 
 
+def test_the_slope_of_nearly_level_ground(small_world, tmp_path):
+    rasters = exported(tilted(small_world, 1e-4, 0.0), tmp_path / "geotiff", products=("slope",))
+    assert rasters["slope"][:, 1:-1] == pytest.approx(np.degrees(1e-4), rel=0.01)
+
+
 def test_the_side_away_from_the_sun_is_black(small_world, tmp_path):
     east, north, _ = small_world.lighting.towards_sun
     rasters = exported(tilted(small_world, 2 * east, 2 * north), tmp_path / "geotiff")
