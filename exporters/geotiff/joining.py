@@ -43,8 +43,10 @@ def overview_nodes(cells: int, grid: TileGrid, *, first: int, count: int) -> NDA
 
 
 def _shown(cells: int, step: int) -> NDArray[np.int64]:
-    """The site's nodes that an overview shows along one side."""
-    return np.minimum(np.arange(-(-(cells + 1) // step)) * step + step // 2, cells)
+    """The site's nodes that an overview shows along one side: GDAL lays it over all of them."""
+    nodes = cells + 1
+    pixels = -(-nodes // step)
+    return (2 * np.arange(pixels) + 1) * nodes // (2 * pixels)
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Any) -> tuple[str, ...]:
@@ -52,16 +54,14 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Any) -> tuple[str,
     for product in options.products:
         overview = _overview(tiled, directory, product)
         told = told_of(product, options.heights)
-        step = overview_step(tiled.grid)
-        size = step * tiled.site.spacing
-        corner = 0.5 * (size - tiled.site.spacing)
+        nodes = tiled.grid.rows + 1, tiled.grid.columns + 1
         lattice = Heightfield(
             elevation=np.zeros(overview.shape[:2], np.float32),
-            spacing=size,
-            origin=(tiled.site.west + corner, tiled.site.south + corner),
+            spacing=tiled.site.spacing,
+            origin=(tiled.site.west, tiled.site.south),
         )
         path = directory / f"{product}_overview.tif"
-        write_geotiff(path, overview, world_ground=lattice, site=tiled.site, **told)
+        write_geotiff(path, overview, world_ground=lattice, over=nodes, site=tiled.site, **told)
         with open_dataset(path) as raster:
             parts = [(tile.window, f"{tile.folder}/{product}.tif") for tile in tiled.tiles]
             vrt = directory / f"{product}.vrt"

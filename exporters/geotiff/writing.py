@@ -121,8 +121,9 @@ def _rasters(
     normals = cache(lambda: grid_normals(ground, whole).reshape(*ground.shape, 3))
 
     def slope() -> NDArray[np.float32]:  # [degrees]
-        up = np.minimum(normals()[..., 2].astype(np.float64), 1.0)
-        return np.degrees(portable.arccos(up)).astype(np.float32)
+        east, north, up = np.moveaxis(normals().astype(np.float64), -1, 0)
+        # Not by the cosine: float32 near 1 has no slopes between 0 and 0.02 degrees.
+        return np.degrees(portable.arctan2(np.sqrt(east**2 + north**2), up)).astype(np.float32)
 
     def hillshade() -> NDArray[np.uint8]:  # cosine of the angle between normal and Sun
         light = portable.product(normals(), world.lighting.towards_sun)

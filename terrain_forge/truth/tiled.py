@@ -112,6 +112,9 @@ def write_parquet(world: World, path: Path) -> None:
     columns["geometry"] = arrow.array(raw, arrow.binary())
     assert all(len(one) == size for one in raw)
     primary: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["Point"], "crs": _crs(site)}
+    if len(rocks):
+        xy = rocks.position[:, :2]
+        primary["bbox"] = [*xy.min(axis=0).tolist(), *xy.max(axis=0).tolist()]
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": primary}}
     table = arrow.table(columns).replace_schema_metadata({"geo": json.dumps(geo)})
     parquet.write_table(table, path, compression="zstd")

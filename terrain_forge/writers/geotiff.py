@@ -25,6 +25,7 @@ def write_geotiff(
     description: str | Sequence[str] = "",
     cloud_optimized: bool = False,
     classes: Sequence[tuple[str, tuple[float, float, float]]] = (),
+    over: tuple[int, int] | None = None,
 ) -> None:
     """Write a value or a colour per node of the ground as a GeoTIFF in the site's local CRS.
 
@@ -45,6 +46,8 @@ def write_geotiff(
             the order that readers over the network want (COG).
         classes: Name and sRGB colour, 0 to 1, of the values from 0 on, where they are classes: they
             become tags `TERRAIN_FORGE_CLASS_n` and the colour table.
+        over: Rows and columns of the nodes that the image lies over, from the ground's south-west
+            on, where it shows some of them alone.
 
     Raises:
         ValueError: if the grid has another shape than the ground.
@@ -71,14 +74,18 @@ def write_geotiff(
     tags |= {f"TERRAIN_FORGE_CLASS_{n}": name for n, (name, _) in enumerate(classes)}
     bands, step = np.atleast_3d(image_rows(grid)), world_ground.spacing
     told = [description] * bands.shape[2] if isinstance(description, str) else description
-    west, _, _, north = world_ground.bounds
+    west, south, _, north = world_ground.bounds
+    size = step, step
+    if over:
+        north = south + (over[0] - 1) * step
+        size = over[1] * step / grid.shape[1], over[0] * step / grid.shape[0]
     profile: dict[str, Any] = {
         "width": grid.shape[1],
         "height": grid.shape[0],
         "count": bands.shape[2],
         "dtype": grid.dtype,
         "crs": site.crs or None,
-        "transform": from_origin(west - step / 2, north + step / 2, step, step),
+        "transform": from_origin(west - step / 2, north + step / 2, *size),
         "nodata": nodata,
         "compress": "deflate",
         **_layout(grid, coloured=coloured, cloud_optimized=cloud_optimized),

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 import rasterio
 from terrain_forge.exporters.geotiff import Options, export
+from terrain_forge.exporters.geotiff.joining import OVERVIEW, join_tiles, overview_nodes
 
 from terrain_forge.base import RecipeError
-from terrain_forge.model import rotations
+from terrain_forge.model import BuiltTile, TiledSite, TileGrid, rotations
+from terrain_forge.writers import write_geotiff
 from tests.helpers.surfaces import top_under
 
 PRODUCTS = ["elevation", "hillshade", "orthoimage", "rock_id", "slope", "surface_with_rocks"]
@@ -60,6 +62,11 @@ def test_slope_and_shade_of_a_plane(small_world, tmp_path):
     assert np.abs(rasters["hillshade"].astype(float) - 255 * light).max() <= 0.51
 
 
+def test_the_slope_of_nearly_level_ground(small_world, tmp_path):
+    rasters = exported(tilted(small_world, 1e-4, 0.0), tmp_path / "geotiff", products=("slope",))
+    assert rasters["slope"][:, 1:-1] == pytest.approx(np.degrees(1e-4), rel=0.01)
+
+
 def test_the_side_away_from_the_sun_is_black(small_world, tmp_path):
     east, north, _ = small_world.lighting.towards_sun
     rasters = exported(tilted(small_world, 2 * east, 2 * north), tmp_path / "geotiff")
@@ -112,3 +119,34 @@ def test_equal_worlds_make_equal_cloud_optimised_bytes(small_world, tmp_path):
     for product in PRODUCTS:
         one, two = (tmp_path / name / f"{product}.tif" for name in ("one", "two"))
         assert one.read_bytes() == two.read_bytes()
+
+
+def test_the_overview_of_a_site_in_tiles_shows_nodes_amid_its_pixels(
+    small_world, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("terrain_forge.exporters.geotiff.joining._PIXELS", 12)
+    site, ground = small_world.site, small_world.ground
+    grid = TileGrid.of(site, max(site.window.columns, site.window.rows))
+    rows, columns = (
+        overview_nodes(count - 1, grid, first=0, count=count) for count in ground.shape
+    )
+    north = np.tile(ground.north.astype(np.float32)[:, None], (1, len(ground.east)))
+    write_geotiff(tmp_path / "elevation.tif", north, world_ground=ground, site=site)
+    np.savez(tmp_path / OVERVIEW, elevation=north[np.ix_(rows, columns)])
+    tile = BuiltTile(
+        number=0, row=0, column=0, window=grid.window(0), folder=".", height=(0, 1), rocks=0,
+        figures={},
+    )  # fmt: skip
+    tiled = TiledSite(
+        site=site, grid=grid, world=small_world, tiles=(tile,), near_paths=lambda _: iter(())
+    )
+    join_tiles(tiled, tmp_path, options=Options(products=("elevation",)))
+    with (
+        rasterio.open(tmp_path / "elevation.vrt", overview_level=0) as shown,
+        rasterio.open(tmp_path / "elevation_overview.tif") as overview,
+    ):
+        assert max(shown.shape) < 0.2 * max(ground.shape)
+        assert shown.transform.almost_equals(overview.transform, 1e-9)
+        place = shown.transform
+        places = place.f + (np.arange(shown.height)[:, None] + 0.5) * place.e
+        assert np.abs(shown.read(1) - places).max() <= 0.5 * site.spacing + 1e-5

@@ -255,6 +255,9 @@ def test_rocks_as_geoparquet(whole, tmp_path):
     assert table["id"].to_pylist() == whole.field.id.tolist()
     geo = json.loads(table.schema.metadata[b"geo"])
     assert geo["columns"]["geometry"]["encoding"] == "WKB"
+    east, north, _ = whole.field.position.T
+    corners = [east.min(), north.min(), east.max(), north.max()]
+    assert geo["columns"]["geometry"]["bbox"] == corners
     order, kind, x, y = struct.unpack("<BIdd", table["geometry"][7].as_py())
     assert (order, kind) == (1, 1)
     assert [x, y] == whole.field.position[7, :2].tolist()
