@@ -21,6 +21,8 @@ from terrain_forge.sky import (
 
 _NIGHT_STEP, _NIGHT_STEPS = 0.02, 20_000
 """Days, and steps of them, within which the Sun rises where it rises at all: a night of Mars."""
+_LEAST_TAU = 1e-4
+"""Thinner dust makes a sky that no picture shows, of light that rounding makes."""
 
 
 def light_of(site: Site) -> Lighting:
@@ -96,7 +98,8 @@ def _air(site: Site) -> tuple[Dust | None, tuple[float, float, float]]:
         raise RecipeError(f"{site.body.name} has no dusty air", key=("sky", "tau"))
     sky_rgb = site.body.sky_rgb
     if dust is not None and tau is not None:
-        dust, sky_rgb = (dust.replace(tau=tau), sky_rgb) if tau else (None, (0.0, 0.0, 0.0))
+        shows = tau >= _LEAST_TAU
+        dust, sky_rgb = (dust.replace(tau=tau), sky_rgb) if shows else (None, (0.0, 0.0, 0.0))
     if site.recipe.sky.stars and max(sky_rgb) > 0.0:
         raise RecipeError(
             f"no stars are seen by day through the air of {site.body.name}", key=("sky", "stars")

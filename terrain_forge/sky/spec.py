@@ -90,8 +90,8 @@ class SkySpec(Spec):
     """What is in the air."""
 
     tau: Annotated[float, Interval(ge=0, le=10)] | None = None
-    """Optical depth of the dust, 0 for none; a usual day of the body where it is left out. On Mars
-    0.3 is clear, 1 dusty, above 3 a storm."""
+    """Optical depth of the dust, 0 for none, and so is less than 0.0001; a usual day of the body
+    where it is left out. On Mars 0.3 is clear, 1 dusty, above 3 a storm."""
     stars: bool = False
     """Whether stars down to magnitude 5 stand in a black sky; the Sun must be given by a date."""
     star_gain: Annotated[float, Interval(gt=0, le=1e7)] = 3e4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -101,6 +102,7 @@ def write_geotiff(
                 for band, text in enumerate(told, start=1):
                     file.set_band_description(band, text)
                     file.set_band_unit(band, units)
+                    file.update_tags(band, **_statistics(bands[..., band - 1], nodata))
                 if coloured:
                     file.colorinterp = (ColorInterp.red, ColorInterp.green, ColorInterp.blue)
                 if classes:
@@ -108,6 +110,27 @@ def write_geotiff(
                     file.write_colormap(1, {n: (*c, 255) for n, c in enumerate(colours)})
                 file.write(np.ascontiguousarray(np.moveaxis(bands, -1, 0)))
             path.write_bytes(memory.getbuffer())
+
+
+def _statistics(values: NDArray[Any], nodata: float | None) -> dict[str, str]:
+    """GDAL's tags of a band's statistics, or it writes them beside the file when one looks.
+
+    Sums go down the columns one row after the other, then exactly: alike on every processor.
+    """
+    known = np.isfinite(values) if nodata is None else np.isfinite(values) & (values != nodata)
+    count = int(known.sum())
+    if not count:
+        return {}
+    exact = np.where(known, values, 0).astype(np.float64)
+    mean = math.fsum(exact.sum(axis=0)) / count
+    away = np.where(known, exact - mean, 0.0)
+    return {
+        "STATISTICS_MINIMUM": repr(float(values[known].min())),
+        "STATISTICS_MAXIMUM": repr(float(values[known].max())),
+        "STATISTICS_MEAN": repr(mean),
+        "STATISTICS_STDDEV": repr(math.sqrt(math.fsum((away**2).sum(axis=0)) / count)),
+        "STATISTICS_VALID_PERCENT": repr(round(100.0 * count / values.size, 2)),
+    }
 
 
 def _layout(grid: NDArray[Any], *, coloured: bool, cloud_optimized: bool) -> dict[str, Any]:

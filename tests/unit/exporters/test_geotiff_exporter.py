@@ -53,6 +53,23 @@ def test_heights_and_ids_are_those_of_the_world(small_world, tmp_path):
     assert np.abs(rasters["surface_with_rocks"].ravel() - top).max() < 1e-5
 
 
+@pytest.mark.parametrize("cloud_optimized", [False, True])
+def test_bands_hold_their_statistics(small_world, tmp_path, cloud_optimized):
+    """Or GDAL writes them into files beside."""
+    products = ("elevation", "rock_id", "orthoimage")
+    options = Options(products=products, cloud_optimized=cloud_optimized)
+    for name in export(small_world, tmp_path, options=options).files:
+        with rasterio.open(tmp_path / name) as file:
+            for band, values in enumerate(file.read(masked=True), start=1):
+                told = {key: float(value) for key, value in file.tags(band).items()}
+                assert told["STATISTICS_MINIMUM"] == values.min()
+                assert told["STATISTICS_MAXIMUM"] == values.max()
+                assert told["STATISTICS_MEAN"] == pytest.approx(values.mean(dtype=float))
+                assert told["STATISTICS_STDDEV"] == pytest.approx(values.std(dtype=float))
+                share = 100.0 * values.count() / values.size
+                assert told["STATISTICS_VALID_PERCENT"] == pytest.approx(share, abs=0.01)
+
+
 def test_slope_and_shade_of_a_plane(small_world, tmp_path):
     rasters = exported(tilted(small_world, 0.3, -0.4), tmp_path / "geotiff")
     assert rasters["slope"] == pytest.approx(np.degrees(np.arctan(0.5)), abs=1e-3)
