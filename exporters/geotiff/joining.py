@@ -17,14 +17,14 @@ from .products import told_of
 
 OVERVIEW = "overview.npz"
 """What a tile shows of the whole site's overview, rows run north."""
-_PIXELS = 2048
+OVERVIEW_PIXELS = 2048
 """Pixels of an overview along its longer side at most."""
 
 
 def overview_step(grid: TileGrid) -> int:
     """Nodes for each pixel of the overview, a power of two."""
     step = 1
-    while step * _PIXELS <= max(grid.columns, grid.rows):
+    while step * OVERVIEW_PIXELS <= max(grid.columns, grid.rows):
         step *= 2
     return step
 

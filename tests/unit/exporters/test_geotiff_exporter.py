@@ -141,7 +141,7 @@ def test_equal_worlds_make_equal_cloud_optimised_bytes(small_world, tmp_path):
 def test_the_overview_of_a_site_in_tiles_shows_nodes_amid_its_pixels(
     small_world, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("terrain_forge.exporters.geotiff.joining._PIXELS", 12)
+    monkeypatch.setattr("terrain_forge.exporters.geotiff.joining.OVERVIEW_PIXELS", 12)
     site, ground = small_world.site, small_world.ground
     grid = TileGrid.of(site, max(site.window.columns, site.window.rows))
     rows, columns = (
