@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from terrain_forge.base import image_rows
 from terrain_forge.model import Heightfield, Site
 
+_ROWS = 256
+"""Rows whose statistics are found at a time: all of them at once would want much memory."""
+
 
 def write_geotiff(
     path: Path,
@@ -117,18 +120,27 @@ def _statistics(values: NDArray[Any], nodata: float | None) -> dict[str, str]:
 
     Sums go down the columns one row after the other, then exactly: alike on every processor.
     """
-    known = np.isfinite(values) if nodata is None else np.isfinite(values) & (values != nodata)
+    known = np.isfinite(values)
+    if nodata is not None:
+        known &= values != nodata
     count = int(known.sum())
     if not count:
         return {}
-    exact = np.where(known, values, 0).astype(np.float64)
-    mean = math.fsum(exact.sum(axis=0)) / count
-    away = np.where(known, exact - mean, 0.0)
+    low, high = float(values[known].min()), float(values[known].max())
+    middle = 0.5 * (low + high)
+    sums: list[float] = []
+    squares: list[float] = []
+    for first in range(0, len(values), _ROWS):
+        rows = np.s_[first : first + _ROWS]
+        away = np.where(known[rows], values[rows].astype(np.float64) - middle, 0.0)
+        sums += away.sum(axis=0).tolist()
+        squares += (away * away).sum(axis=0).tolist()
+    shift = math.fsum(sums) / count
     return {
-        "STATISTICS_MINIMUM": repr(float(values[known].min())),
-        "STATISTICS_MAXIMUM": repr(float(values[known].max())),
-        "STATISTICS_MEAN": repr(mean),
-        "STATISTICS_STDDEV": repr(math.sqrt(math.fsum((away**2).sum(axis=0)) / count)),
+        "STATISTICS_MINIMUM": repr(low),
+        "STATISTICS_MAXIMUM": repr(high),
+        "STATISTICS_MEAN": repr(middle + shift),
+        "STATISTICS_STDDEV": repr(math.sqrt(max(math.fsum(squares) / count - shift**2, 0.0))),
         "STATISTICS_VALID_PERCENT": repr(round(100.0 * count / values.size, 2)),
     }
 
