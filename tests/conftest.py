@@ -91,10 +91,6 @@ def pytest_collection_finish():
     """Tests make many objects and few cycles: do not look through all that was imported."""
     gc.freeze()
     gc.set_threshold(100_000, 50, 50)
-    entropy = sys.modules.get("hypothesis.internal.entropy")
-    if entropy:  # later it would look through all objects for those that know its generator
-        with entropy.deterministic_PRNG():
-            pass
 
 
 @pytest.hookimpl(trylast=True)

@@ -27,6 +27,8 @@ MOST = 100_000
 """Moments of a period."""
 _FINEST = 720
 """Azimuths, at least, in which what is never lit has been looked at: each a Sun's width."""
+_SURELY = np.radians(0.01)
+"""How much higher than it is the Sun is taken to come at most, before anything is never lit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,22 +208,10 @@ def _top_of_sun(ephemeris: Ephemeris, latitude: float, azimuths: Array) -> Array
 
     Far below the ground where it never comes.
     """
-    most = highest_declination(ephemeris)
-    heights = np.radians(np.arange(90.0, -90.001, -0.01))
-
-    def declination(at: NDArray[np.intp]) -> Array:
-        high = heights[at]
-        sine = np.sin(latitude) * np.sin(high)
-        sine += np.cos(latitude) * np.cos(high) * np.cos(azimuths)
-        return np.asarray(np.arcsin(np.clip(sine, -1.0, 1.0)))
-
-    # From the zenith down, half a turn, it goes from the latitude once to what is opposite.
-    low = np.zeros(len(azimuths), np.intp)
-    high = np.where(np.abs(declination(low)) > most, len(heights) - 1, 0)
-    while (low < high).any():
-        at = (low + high) // 2
-        beyond = np.copysign(1.0, latitude) * declination(at) > most
-        low, high = np.where(beyond, at + 1, low), np.where(beyond, high, at)
-    reached = np.abs(declination(low)) <= most
-    middle = np.where(reached, heights[np.maximum(low - 1, 0)], -0.5 * np.pi)
+    most, side = highest_declination(ephemeris), np.copysign(1.0, latitude)
+    up, level = side * np.sin(latitude), side * np.cos(latitude) * np.cos(azimuths)
+    # At a height h the sine of the declination is hypot(up, level) · cos(h - atan2(up, level)).
+    within = np.clip(np.sin(most) / np.hypot(up, level), -1.0, 1.0)
+    middle = np.arctan2(up, level) - np.arccos(within) + _SURELY
+    middle = np.where(up <= np.sin(most), 0.5 * np.pi, np.maximum(middle, -0.5 * np.pi))
     return np.asarray(middle + 0.5 * widest_sun(ephemeris))

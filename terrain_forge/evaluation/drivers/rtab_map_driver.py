@@ -33,7 +33,8 @@ def main(words: list[str]) -> int:
     except OSError as error:
         sys.exit(f"{words[0]}: {(error.strerror or str(error)).lower()}")
     if status < 0:
-        signal.signal(-status, signal.SIG_DFL) if -status != signal.SIGKILL else None
+        if -status != signal.SIGKILL:
+            signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
     if status == 0 and _DATABASE.is_file():
         with closing(sqlite3.connect(_DATABASE)) as database:

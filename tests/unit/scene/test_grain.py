@@ -9,58 +9,40 @@ from numba import njit
 from terrain_forge.scene import ground_grain, relief
 from terrain_forge.scene.packets import LANES
 from terrain_forge.scene.pebbles import clast_lanes
-from tests.helpers.sources import number_of_sources
 
 KEY, COUNT, SPACING = np.uint64(77), 60_000, 0.25
 
 
-def _compiled(sources: int):
-    """The functions below, kept on disk beside the number of all sources that they may call."""
-
-    @njit(cache=True)
-    def grain_at(places, share, pixel, slabs):
-        found = np.empty((len(places), 3))
-        for n in range(len(places) if sources else 0):
-            grain = share, 1.0, slabs
-            found[n] = ground_grain(KEY, grain, places[n, 0], places[n, 1], SPACING, pixel)
-        return found
-
-    @njit(cache=True)
-    def pictured(places, share, pixel, about):
-        space, found = np.zeros(relief.RELIEF_ROWS * LANES, np.float32), np.empty((len(places), 3))
-        for n in range(0, len(places) if sources else 0, LANES):
-            lanes = space.reshape(-1, LANES)
-            for row, told in (
-                (relief.FOOTPRINT, pixel),
-                (relief.ROUGH, 1.0),
-                (relief.PEBBLY, share),
-            ):
-                lanes[row // LANES] = told
-            lanes[relief.PLACE_X // LANES : relief.PLACE_Y // LANES + 1] = places[n : n + LANES].T
-            relief.soil_lanes(space, about, about.soil, about.soil_keys)
-            clast_lanes(space, about)
-            for column, row in enumerate((relief.SHADOWED, relief.RISE_X, relief.RISE_Y)):
-                found[n : n + LANES, column] = lanes[row // LANES]
-        return found
-
-    return grain_at, pictured
-
-
-_GRAIN_AT, _PICTURED = _compiled(number_of_sources())
-
-
+@njit
 def grain_at(places, share, pixel, slabs=0.0):
     """Brightness, rise east and north at places [m], shape [n, 3]."""
-    return _GRAIN_AT(places, share, pixel, slabs)
+    found = np.empty((len(places), 3))
+    for n in range(len(places)):
+        grain = share, 1.0, slabs
+        found[n] = ground_grain(KEY, grain, places[n, 0], places[n, 1], SPACING, pixel)
+    return found
+
+
+@njit
+def pictured(places, share, pixel, about):
+    """Depth of shadows, rise east and north at places [m] as pictures have them, shape [n, 3]."""
+    space, found = np.zeros(relief.RELIEF_ROWS * LANES, np.float32), np.empty((len(places), 3))
+    for n in range(0, len(places), LANES):
+        lanes = space.reshape(-1, LANES)
+        for row, told in ((relief.FOOTPRINT, pixel), (relief.ROUGH, 1.0), (relief.PEBBLY, share)):
+            lanes[row // LANES] = told
+        lanes[relief.PLACE_X // LANES : relief.PLACE_Y // LANES + 1] = places[n : n + LANES].T
+        relief.soil_lanes(space, about, about.soil, about.soil_keys)
+        clast_lanes(space, about)
+        for column, row in enumerate((relief.SHADOWED, relief.RISE_X, relief.RISE_Y)):
+            found[n : n + LANES, column] = lanes[row // LANES]
+    return found
 
 
 def pictured_in(sun, places, share, pixel):
-    """Depth of shadows, rise east and north at places [m] as pictures have them, shape [n, 3].
-
-    Things of unit height have their shadows' ends so far from the foot [m].
-    """
+    """Those where things of unit height have their shadows' ends so far from the foot [m]."""
     told = {"key": KEY, "spacing": SPACING, "rough": 0.1, "shadow": tuple(sun)}
-    return _PICTURED(places, share, pixel, relief.relief_about(np.zeros(2), **told))
+    return pictured(places, share, pixel, relief.relief_about(np.zeros(2), **told))
 
 
 def places(seed=5):
