@@ -73,14 +73,11 @@ def radiance_seen(
             stage = stage._replace(haze=_CLEAR)
     x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) * right
     y = (np.arange(camera.height) + 0.5 - 0.5 * camera.height) * down
-    rays = np.empty((camera.height, camera.width, 3))
-    rays[..., 0], rays[..., 1], rays[..., 2] = x, y[:, None], ahead
-    rays /= np.sqrt((rays * rays).sum(axis=2, keepdims=True))
     paths = scene.subject.tracks if tracks else ()
     seen = look(
         scene,
         stage,
-        rays=rays.astype(np.float32),
+        rays=_rays(x, y, ahead),
         position=np.broadcast_to(place, (camera.height, 3)),
         rotation=np.broadcast_to(turn, (camera.height, 3, 3)),
         wheels=prepare_wheels(scene, paths[0]) if paths else None,
@@ -88,6 +85,15 @@ def radiance_seen(
         rover=rover,
     )
     return seen.radiance
+
+
+def _rays(x: NDArray[np.floating], y: NDArray[np.floating], ahead: float) -> NDArray[np.float32]:
+    """Unit directions through columns and rows at a distance ahead, shape [rows, columns, 3]."""
+    rays = np.empty((len(y), len(x), 3), np.float32)
+    for row, down in zip(rays, y, strict=True):
+        line = np.stack([x, np.full_like(x, down), np.full_like(x, ahead)], axis=-1)
+        row[:] = line / np.sqrt((line * line).sum(axis=1, keepdims=True))
+    return rays
 
 
 def develop(image: NDArray[np.float32]) -> NDArray[np.uint8]:

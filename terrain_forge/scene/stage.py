@@ -128,7 +128,6 @@ def prepare_stage(
     """
     subject, ground = scene.subject, scene.subject.ground
     light, stones = prepare_light(subject, lighting, facing=facing), prepare_stones(scene)
-    albedo = linear_from_srgb(np.arange(256) / 255.0)[subject.ground_rgb]
     z = (ground.elevation - scene.origin[2]).astype(np.float32)
     nodes = np.empty((*ground.shape, GROUND_RGB + channels), np.float32)
     nodes[..., HEIGHT] = z
@@ -136,7 +135,9 @@ def prepare_stage(
         nodes[..., column] = np.gradient(z, ground.spacing, axis=axis)
     nodes[..., SKY] = sky_shares(scene, camera) if light.airy else 0.0
     np.multiply(subject.node_grain, np.float32(0.01), out=nodes[..., GRAIN:GROUND_RGB])
-    nodes[..., GROUND_RGB:] = bands(albedo, channels)
+    albedo = linear_from_srgb(np.arange(256) / 255.0)
+    for row, rgb in zip(nodes, subject.ground_rgb, strict=True):
+        row[:, GROUND_RGB:] = bands(albedo[rgb], channels)
     rocks = np.empty((len(stones.size), ROCK_RGB + channels), np.float32)
     rocks[:, CENTRE:TURN], rocks[:, SIZE] = stones.centre, stones.size
     rocks[:, SCALE] = stones.scale
