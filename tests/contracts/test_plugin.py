@@ -255,6 +255,7 @@ def test_wrong_exports_are_refused(installed, tmp_path, caplog):
         assert caplog.text.count(warning) == 1
 
 
+@pytest.mark.slow
 def test_command_line_tells_of_a_broken_plugin(installed, tmp_path):
     with fresh(installed, anew=True):
         done = build(tmp_path, "[broken, xyz]")

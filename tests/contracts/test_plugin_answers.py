@@ -172,7 +172,7 @@ def test_how_to_open_an_export_is_judged_and_told_once(installed, tmp_path):
     assert done.stderr.count(told) == 1, done.stderr
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("what", ["exit", "raise", "file"])
 def test_a_plugin_that_fails_in_a_task_is_named(installed, tmp_path, workers, what):
     recipe = RECIPE.replace("LAYERS", f"{{kind: odd, what: {what}}}").replace("EXPORTS", "[]")

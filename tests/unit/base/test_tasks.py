@@ -42,7 +42,7 @@ def check_results(found: dict[int, int | Exception]) -> None:
     assert found == {item: item**2 for item in found}
 
 
-@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_a_dead_process_takes_nothing_with_it_but_its_task(tmp_path: Path, workers: int) -> None:
     check_results(dict(run_tasks(partial(work, tmp_path), range(10), workers=workers)))
 

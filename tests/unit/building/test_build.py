@@ -171,6 +171,7 @@ def test_populations_do_not_disturb_each_other(site, whole):
     assert 0.5 < still.mean() < 1.0
 
 
+@pytest.mark.slow
 def test_export_and_validate_a_built_folder(built, tmp_path):
     import shutil
 

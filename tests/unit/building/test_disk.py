@@ -45,6 +45,7 @@ def test_an_image_of_the_grounds_detail_counts_where_it_is_kept(tmp_path):
     assert more == pytest.approx(kept + 2.3 * SIDE**2 / 1e6, abs=1.1)
 
 
+@pytest.mark.slow
 def test_shapes_keep_about_as_many_triangles_as_is_said():
     families = tuple(COARSE_FACES)
     library = make_library(LibrarySpec(shapes=len(families), families=families, seed=3))

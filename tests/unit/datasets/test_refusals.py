@@ -106,7 +106,10 @@ FILES = {
 
 
 @pytest.mark.filterwarnings("ignore:unclosed database:ResourceWarning")  # rosbags leaves it open
-@pytest.mark.parametrize("what", FILES)
+@pytest.mark.parametrize(
+    "what",
+    [pytest.param(w, marks=pytest.mark.slow) if w in ("mcap", "laz") else w for w in FILES],
+)
 def test_a_disk_that_takes_no_more_leaves_nothing(what, tmp_path, recording):
     """The system refuses files of more than 8 kB, whatever library writes them."""
     kind, options = FILES[what]

@@ -159,6 +159,7 @@ def test_the_rover_follows_its_path_over_a_hill(hill, driven):
     assert np.diff(result.time)[:-1] == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 def test_a_closed_loop_ends_where_it_began(tmp_path):
     angle = np.linspace(0, 2 * np.pi, 300)
     loop = path(1.5 * np.column_stack([np.cos(angle), np.sin(angle)]), closed=True)

@@ -355,6 +355,7 @@ def test_stripes_are_found(tmp_path, period):
     jump=st.integers(0, 60),
     shape=st.tuples(st.integers(3, 40), st.integers(3, 40)),
 )
+@pytest.mark.slow
 def test_destaired_heights_stay_within_half_a_step(seed, quantum, slope, jump, shape):
     """Whatever the ground: smooth, steep, noisy, with cliffs."""
     random = np.random.default_rng(seed)

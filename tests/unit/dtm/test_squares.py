@@ -52,6 +52,7 @@ def test_planes_are_found_across_squares(request):
     assert (planar_posts(heights) == whole).all()
 
 
+@pytest.mark.slow
 def test_a_large_dtm_is_as_rough_as_its_squares(request):
     heights, trusted = rough((610, 570)), np.ones((610, 570), bool)
     whole = fit_roughness(heights, 1.0, BODIES["mars"], trusted)

@@ -18,6 +18,7 @@ from tests.helpers.rovers_sdf import HUB, WHEEL, four_wheeler
 from tests.helpers.worlds import bare, crowded
 
 
+@pytest.mark.slow
 def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
     world = crowded(small_world, 12_000)
     with pytest.raises(

@@ -73,7 +73,10 @@ def test_soil_and_rocks_have_no_gloss(small_world, tmp_path):
         assert look["extensions"]["KHR_materials_specular"] == {"specularFactor": 0.0}
 
 
-@pytest.mark.parametrize("options", [{}, {"horizon": False}, {"close_within_m": 2.0}])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"horizon": False}, pytest.param({"close_within_m": 2.0}, marks=pytest.mark.slow)],
+)
 def test_all_extensions_are_named(small_world, tmp_path, options):
     text, _ = glb_parts(exported(detailed(small_world), tmp_path / "glb", **options))
     assert extensions_of(text) - {"extensionsUsed"} <= set(text["extensionsUsed"])

@@ -135,6 +135,7 @@ def test_gz_sim_cuts_no_waypoint_to_the_millisecond_before(small_world, tmp_path
 # ---- rocks that are too many elements
 
 
+@pytest.mark.slow
 def test_too_many_rocks_of_their_own_are_refused_with_what_makes_it_less(small_world, tmp_path):
     world = crowded(small_world, 45_000)
     with pytest.raises(

@@ -322,7 +322,7 @@ def library():
 @pytest.mark.parametrize(
     "dense",
     [
-        [even(0.30, 0.9, 1.0)],
+        pytest.param([even(0.30, 0.9, 1.0)], marks=pytest.mark.slow),
         [even(0.09, 0.15, 1.0, name=name) for name in "abcd"],
         [population(size_frequency=Golombek(k=0.36), diameter_m=(0.15, 2), dynamic_m=(0.15, 2))],
         [even(0.26, 0.5, 1.0, families=("slab",)), even(0.05, 0.5, 1.0, name="more")],

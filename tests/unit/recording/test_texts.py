@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from terrain_forge.model import ImuSensor
 from terrain_forge.recording.rig import folders_of
@@ -27,6 +28,7 @@ def test_a_long_table_comes_in_parts(tmp_path):
     assert b"".join(table({"a []": np.zeros(0)}, numbers[:0])) == b"#timestamp [ns],a []\n"
 
 
+@pytest.mark.slow
 def test_a_row_hangs_on_its_own_time_alone():
     imu = ImuSensor(name="imu", rate_hz=1000.0, position_m=(0.1, 0.0, 0.2))
     world = worlds.world(rover=morpheus().replace(sensors=(imu,)))

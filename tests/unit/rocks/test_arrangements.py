@@ -411,6 +411,7 @@ def apart(one, other):
     return False
 
 
+@pytest.mark.slow
 def test_no_two_plan_outlines_overlap():
     """All pairs, however the rocks lie on rough ground; two listed rocks may overlap."""
     place, kinds, lists = everything()

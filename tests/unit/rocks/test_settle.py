@@ -177,6 +177,7 @@ def test_a_window_has_the_same_bits(settled):
     assert again.select(both) == settled.select(np.flatnonzero(inside)[both])
 
 
+@pytest.mark.slow
 def test_dynamic_rocks_stay_in_the_exported_world(world, tmp_path):
     """Reloaded in MuJoCo with the ground and all others: 2 % of the diameter, 3 deg, for 5 s."""
     result = validate(world, tmp_path, spec=ValidateSpec(points=10))
@@ -251,6 +252,7 @@ def test_a_rock_on_its_edge_does_not_pass(settled):
     assert outcomes == [True, False]
 
 
+@pytest.mark.slow
 def test_a_rock_that_is_not_settled_is_noticed(world, tmp_path, use_threads):
     """Raised by a fifth of their diameter, they fall."""
     raised = world.field.position + world.field.diameter[:, None] * (0.0, 0.0, 0.2)

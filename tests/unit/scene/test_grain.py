@@ -53,7 +53,7 @@ def places(seed=5):
     ("pixel", "degrees"),
     [
         pytest.param(0.03, 5.0, marks=pytest.mark.slow),
-        (0.01, 9.0),
+        pytest.param(0.01, 9.0, marks=pytest.mark.slow),
         (0.005, 13.0),
         (0.002, 19.0),
         (0.001, 24.0),
@@ -66,6 +66,7 @@ def test_soil_is_as_rough_as_measured_with_crumbs_or_without(pixel, degrees):
         assert np.sqrt((tilt**2).mean()) == pytest.approx(degrees, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a_low_sun_has_longer_shadows():
     shade = [pictured_in((sun, 0), places(), 0.6, 0.002)[:, 0].mean() for sun in (0, 1, 3)]
     assert shade[0] < 0.5 * shade[1]

@@ -281,7 +281,11 @@ MINE = """
 
 
 @pytest.mark.parametrize(
-    ("need", "statuses"), [("odometry", ["failed", "lost", "lost"]), ("stereo", ["failed"] * 2)]
+    ("need", "statuses"),
+    [
+        ("odometry", ["failed", "lost", "lost"]),
+        pytest.param("stereo", ["failed"] * 2, marks=pytest.mark.slow),
+    ],
 )
 def test_a_system_that_failed_is_run_again_unless_it_lacks_sensors(
     written, tmp_path, monkeypatch, need, statuses

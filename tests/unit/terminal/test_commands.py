@@ -68,6 +68,7 @@ def test_a_build_ends_with_verdict_size_time_and_what_comes_next(built):
     assert ["compile", *told] == [*tf.pipeline.STAGES]
 
 
+@pytest.mark.slow
 def test_an_export_is_failed_by_its_own_checks_and_by_new_ones_only(built, monkeypatch):
     out, _ = built
     (out / "notes.txt").write_text("mine")

@@ -334,6 +334,7 @@ def test_baked_texture_has_the_colours_of_the_nodes_and_meets_at_tiles(small_wor
     assert np.abs(one.rgb[:, -4:].astype(int) - other.rgb[:, :4]).max() <= 1
 
 
+@pytest.mark.slow
 def test_baked_texture_holds_what_the_grid_cannot(small_world):
     plain = bake_ground(small_world, finer=1)
     fine = bake_ground(small_world, finer=16)

@@ -124,6 +124,7 @@ def test_nodes_are_on_the_model_to_its_very_edge(site_in_hills):
     assert 3500.0 < horizon.followed < 4020.0
 
 
+@pytest.mark.slow
 def test_the_skyline_is_that_of_the_model_where_its_ridges_fall_between_rings(tmp_path):
     raster(tmp_path / "fine.tif", posting=8.0, half=4000.0, land=ridges)
     site, ground, horizon = made(recipe(FINE), tmp_path)

@@ -331,6 +331,7 @@ def test_a_tile_without_its_list_is_named_and_left(built, recipe, tmp_path):
     assert contents(out) == before
 
 
+@pytest.mark.slow
 def test_a_site_that_was_begun_when_fewer_versions_were_told_goes_on(built, recipe, tmp_path):
     out = shutil.copytree(built, tmp_path / "six")
     order = json.loads((out / "site/order.json").read_text())

@@ -219,6 +219,7 @@ def test_a_list_of_tiles_that_is_no_text_is_damaged(copied):
     assert report["damaged"] == ["site/tiles.csv is damaged"]
 
 
+@pytest.mark.slow
 def test_a_build_judges_anew_what_it_made_anew(copied, recipe):
     (copied / "truth/size_frequency.json").write_text("{}")
     assert not pipeline.validate(copied)

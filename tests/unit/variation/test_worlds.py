@@ -232,6 +232,7 @@ def test_fewer_than_are_there_leave_the_others(made: Path, tmp_path: Path) -> No
     assert "; 3 more are there" in done.stdout
 
 
+@pytest.mark.slow
 def test_harder_worlds_are_arrived_in_less_often(tmp_path: Path) -> None:
     def graded(plain: dict[str, Any]) -> None:
         plain["dtm"]["size_m"] = [12.0, 12.0]
@@ -558,6 +559,7 @@ def test_worlds_of_another_input_are_left_alone(tmp_path: Path) -> None:
     assert worlds(path, tmp_path / "out", count=1, workers=0).made == 0
 
 
+@pytest.mark.slow
 def test_inputs_that_only_some_worlds_have_are_looked_at(tmp_path: Path) -> None:
     def change(plain: dict[str, Any]) -> None:
         lists = [[{"name": "one", "file": f"{file}.csv"}] for file in "ab"]
@@ -574,6 +576,7 @@ def test_inputs_that_only_some_worlds_have_are_looked_at(tmp_path: Path) -> None
         worlds(path, tmp_path / "out", count=5, workers=0)
 
 
+@pytest.mark.slow
 def test_no_process_makes_worlds_after_an_interrupt(tmp_path: Path) -> None:
     def interrupt(stage: str, share: float = 0.0) -> None:
         if stage == "worlds":
