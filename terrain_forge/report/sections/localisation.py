@@ -76,7 +76,7 @@ def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]
     yield drawing(
         error_plot(runs),
         description="Error over the length of the path",
-        caption="Distance to the truth after the alignment; the largest of each piece is drawn.",
+        caption="Distance to the truth after the alignment; the largest of each piece is shown.",
     )
 
 
