@@ -40,9 +40,11 @@ class Grid:
         self._columns, self._column_s = columns, column_s
         names = "x", "y", "z", "intensity", "range", "t", "ring"
         kinds = "f4", "f4", "f4", "f4", "u4", "u4", "u4"
-        self._empty = np.zeros((rings, columns), list(zip(names, kinds, strict=True)))
-        self._empty["ring"] = np.arange(rings)[:, None]
-        self._empty["t"] = np.arange(columns) * column_s * 1e9
+        self._kind = np.dtype(list(zip(names, kinds, strict=True)))
+        empty = np.zeros((rings, columns), self._kind)
+        empty["ring"] = np.arange(rings)[:, None]
+        empty["t"] = np.arange(columns) * column_s * 1e9
+        self._empty = empty.view("u4").reshape(rings, columns, len(names))  # quicker than records
         told = {"f4": helpers.DataType.FLOAT32, "u4": helpers.DataType.UINT32}
         self._fields = [
             helpers.Field(name=name, datatype=told[kind], offset=4 * n)
@@ -56,15 +58,16 @@ class Grid:
         x, y, z = (points[axis].astype(np.float64) for axis in "xyz")
         if not columns.any():  # all at one time: clockwise from behind, as it turns
             columns = (0.5 - np.arctan2(y, x) / (2.0 * np.pi)) * self._columns
-        given = np.zeros(len(points), cells.dtype)
+        given = np.zeros(len(points), self._kind)
         for name in "x", "y", "z", "intensity", "ring":
             given[name] = points[name]
         given["range"] = 1000.0 * np.sqrt(x * x + y * y + z * z)
         given["t"] = points["time"].astype(np.float64) * 1e9
-        cells[points["ring"], np.floor(columns + 0.01).astype(int) % self._columns] = given
+        places = np.floor(columns + 0.01).astype(int) % self._columns
+        cells[points["ring"], places] = given.view("u4").reshape(-1, cells.shape[2])
         about = helpers.PointCloudMetadata(
             stamp=types.Stamp.from_nsec(stamp), height=cells.shape[0], width=cells.shape[1],
-            point_step=cells.itemsize, row_step=cells.strides[0], is_bigendian=0, is_dense=1,
+            point_step=self._kind.itemsize, row_step=cells.strides[0], is_bigendian=0, is_dense=1,
         )  # fmt: skip
         sweep = helpers.pc2_to_evalio(about, self._fields, cells.tobytes())
         helpers.fill_col_row_major(sweep)
