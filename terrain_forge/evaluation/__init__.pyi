@@ -12,6 +12,7 @@ from .bench import run_stages as run_stages
 from .catalogue import find_system as find_system
 from .catalogue import install_system as install_system
 from .catalogue import known_systems as known_systems
+from .catalogue import require_program as require_program
 from .catalogue import with_binaries as with_binaries
 from .choosing import chosen_systems as chosen_systems
 from .choosing import system_lines as system_lines

@@ -17,7 +17,7 @@ from annotated_types import Interval, MinLen
 from terrain_forge.base import DataError, FileName, Record, Spec, read_text
 from terrain_forge.datasets import checked_options
 from terrain_forge.evaluation.loops import Loops, read_loops
-from terrain_forge.evaluation.poses import TimedPoses, read_kitti_poses, read_poses
+from terrain_forge.evaluation.poses import MAX_FILE, TimedPoses, read_kitti_poses, read_poses
 from terrain_forge.evaluation.program import Program, end_of
 
 Need = Literal["mono", "stereo", "rgbd", "lidar", "imu", "odometry"]
@@ -239,7 +239,8 @@ def run_system(adapter: Adapter, places: Mapping[str, str], *, keep: Path | None
             (keep / LOG).write_bytes(end_of(folder / LOG, _KEPT))
             trajectory = keep / f"{adapter.name}.{adapter.format}"
             trajectory.unlink(missing_ok=True)  # an earlier run's
-            if len(files := _found(folder, pattern)) == 1:
+            files = _found(folder, pattern)
+            if len(files) == 1 and files[0].stat().st_size <= MAX_FILE:
                 shutil.copyfile(files[0], trajectory)
             made, wrong = _kept_map(folder, chart, keep)
             why = why or (wrong if status == "done" else "")

@@ -39,6 +39,7 @@ from terrain_forge.evaluation.catalogue import (
     DRIVERS,
     interpreter,
     require_distinct,
+    require_program,
     require_ready,
     vocabulary_of,
 )
@@ -242,9 +243,7 @@ def _places(
 ) -> dict[str, str]:
     """What stands in the command of a system that is ready to be run."""
     require_sensors(recording, adapter)
-    if adapter.needs_binary:
-        name = adapter.name
-        raise DataError(f"{name} is a program of yours: --binary {name}=PATH")
+    require_program(adapter)
     require_ready(adapter)
     places: dict[str, Any] = {
         "input": _input(recording, adapter.input, adapter.input_options, inputs, progress),

@@ -89,8 +89,8 @@ def with_binaries(adapters: Sequence[Adapter], told: Sequence[str]) -> list[Adap
     """The systems, with the programs of the user that `NAME=PATH` tells; what is new comes last.
 
     Raises:
-        DataError: for what is no such pair, a program that is not there, or a system that runs no
-            program of a user; for two systems of one name.
+        DataError: for what is no such pair, or a system that runs no program of a user; for two
+            systems of one name.
     """
     require_distinct(adapters)
     found = {one.name: one for one in adapters}
@@ -102,11 +102,22 @@ def with_binaries(adapters: Sequence[Adapter], told: Sequence[str]) -> list[Adap
         if "{binary}" not in adapter.command:
             raise DataError(f"--binary {name}: that system runs no program of yours")
         place = Path(path).expanduser()
-        if len(place.parts) > 1 and not place.exists():
-            raise DataError(f"--binary {pair}: no such program")
         binary = str(place.absolute()) if place.exists() else path
         found[adapter.name] = replace(adapter, binary=binary)
     return list(found.values())
+
+
+def require_program(adapter: Adapter) -> None:
+    """Refuse a user's program that is not there.
+
+    Raises:
+        DataError: says which; also where none was named.
+    """
+    name, place = adapter.name, Path(adapter.binary).expanduser()
+    if adapter.needs_binary:
+        raise DataError(f"{name} is a program of yours: --binary {name}=PATH")
+    if len(place.parts) > 1 and not place.exists():
+        raise DataError(f"{name}: no such program: {adapter.binary}")
 
 
 def require_distinct(adapters: Sequence[Adapter]) -> None:

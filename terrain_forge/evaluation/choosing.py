@@ -28,7 +28,7 @@ def chosen_systems(
         binaries: `NAME=PATH` of programs that the user has; these systems are run too.
 
     Raises:
-        DataError: for an unknown name, a program that is not there, or if there is no recording.
+        DataError: for an unknown name, or if there is no recording.
     """
     if names is not None:
         named = [find_system(name.strip()) for name in names.split(",")]

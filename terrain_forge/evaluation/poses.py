@@ -20,7 +20,8 @@ from terrain_forge.base import (
     shaped,
 )
 
-_MAX_FILE = 2**30
+MAX_FILE = 2**30
+"""Bytes of a trajectory at most."""
 _FARTHEST = 1e9
 _UNIT = 1e-2
 """How far the length of a quaternion may be from 1: systems write few digits."""
@@ -130,7 +131,8 @@ def read_kitti_poses(
     finite = np.asarray(np.isfinite(turns).all(axis=(1, 2)))
     square = portable.product(np.swapaxes(turns, -1, -2), turns)
     off = np.abs(square - np.eye(3)).max(axis=(1, 2)) > _UNIT
-    for row in np.flatnonzero(off & finite)[:1]:
+    mirrored = np.linalg.det(turns) < 0.0
+    for row in np.flatnonzero((off | mirrored) & finite)[:1]:
         raise DataError(f"{places[row]}: its matrix is no rotation")
     whole = np.where(finite[:, None, None], turns, np.eye(3))
     quaternion = np.roll(Rotation.from_matrix(whole).as_quat(), 1, axis=-1)
@@ -146,7 +148,7 @@ def read_kitti_poses(
 
 def is_kitti(path: Path) -> bool:
     """Whether the first line of a file that is no comment has 12 words, as in KITTI's format."""
-    lines = read_text(path, str(path), most=_MAX_FILE).splitlines()
+    lines = read_text(path, str(path), most=MAX_FILE).splitlines()
     plain = (line.replace(",", " ").split() for line in lines if not line.strip().startswith("#"))
     return len(next(filter(None, plain), [])) == 12
 
@@ -168,7 +170,7 @@ def read_rows(
         DataError: naming file and line.
     """
     rows, places = [], []
-    text = read_text(path, str(path), most=_MAX_FILE)
+    text = read_text(path, str(path), most=MAX_FILE)
     most = max(most, count)
     for number, line in enumerate(text.splitlines(), 1):
         plain = line.strip()

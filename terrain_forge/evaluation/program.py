@@ -16,6 +16,8 @@ _NOTE = ".used"
 _LAUNCHER = str(Path(__file__).with_name("launcher.py"))
 _STYLE = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]")
 """What colours a terminal's text (ECMA-48's control sequences)."""
+_LONGEST = 300
+"""Characters of a line that are told."""
 _BESIDE = {"PYTHONSAFEPATH": ""}
 """What a driver imports lies beside it, and it runs in a folder of its own."""
 
@@ -95,7 +97,7 @@ def _last_words(log: Path) -> list[str]:
     """The last line that a program printed, as tables can hold it; none where it said nothing."""
     text = _STYLE.sub("", end_of(log, 4000).decode(errors="replace"))
     plain = ("".join(c if c.isprintable() else " " for c in line) for line in text.splitlines())
-    return [" ".join(line.split()) for line in plain if line.strip()][-1:]
+    return [" ".join(line.split())[:_LONGEST] for line in plain if line.strip()][-1:]
 
 
 def end_of(path: Path, most: int) -> bytes:

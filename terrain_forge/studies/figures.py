@@ -29,7 +29,7 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect]) -> bytes:
     A dot is a cell, a line joins the medians, a bar goes from the least to the largest; a cross
     below the axis is a cell without a figure.
     """
-    figure = Figure(figsize=(6.2, 4.2), dpi=110, facecolor="white", layout="constrained")
+    figure = Figure(figsize=(7.4, 4.2), dpi=110, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     mine = [one for one in effects if one.factor == factor.name and one.measure == MAIN]
@@ -54,7 +54,7 @@ def effect_plot(study: Study, factor: Factor, effects: list[Effect]) -> bytes:
     axes.set_title(figure_text(factor.name), fontsize=11, loc="left", color=_INK)
     axes.set_ylabel(f"{MAIN} [{MEASURES[MAIN][3]}]")
     axes.grid(axis="y", color="#eee8e0", linewidth=0.6)
-    axes.legend(frameon=False, fontsize=9, labelcolor=_INK)
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9, labelcolor=_INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=9, colors=_INK, which="both")
     buffer = BytesIO()

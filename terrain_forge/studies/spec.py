@@ -12,7 +12,13 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Interval, MinLen
 
 from terrain_forge.base import DataError, FileName, Key, RecipeError, Spec, complaint
-from terrain_forge.evaluation import Adapter, ScoreOptions, find_system, with_binaries
+from terrain_forge.evaluation import (
+    Adapter,
+    ScoreOptions,
+    find_system,
+    require_program,
+    with_binaries,
+)
 from terrain_forge.recipe import read_mapping
 
 
@@ -140,6 +146,8 @@ def read_study(path: Path | str, *, trust: bool = False) -> StudyFile:
         found = [_system(name, path.parent) for name in spec.systems]
         binaries = [f"{name}={place}" for name, place in spec.binaries.items()]
         systems = tuple(with_binaries(found, binaries))
+        for system in filter(lambda one: one.binary, systems):
+            require_program(system)
     except DataError as error:
         raise RecipeError(f"{file.place('systems')}: systems: {error}") from None
     return StudyFile(path=path, spec=spec, lines=lines, systems=systems)

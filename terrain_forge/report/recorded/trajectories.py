@@ -18,6 +18,10 @@ _LEAST = 1e-4
 """Errors that are drawn [m]."""
 _DRAWN = 2000
 """Points of a line."""
+_LONGEST = 18
+"""Characters of a name."""
+_BESIDE = LEGEND | {"loc": "upper left", "bbox_to_anchor": (1.01, 1.01)}
+"""Names beside the picture, where no line is."""
 
 
 @own_style()
@@ -35,9 +39,9 @@ def trajectory_plot(
         truth: True places, shape [poses, 3].
         runs: Rows of `read_errors` of each system's best run.
     """
-    figure = blank_figure(7.4, 6.4)
+    figure = blank_figure(8.6, 6.4)
     axes = figure.subplots()
-    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.08, top=0.985)
+    figure.subplots_adjust(left=0.07, right=0.79, bottom=0.08, top=0.985)
     west, south, east, north = bounds
     axes.imshow(picture, extent=(west, east, south, north), interpolation="bilinear")
     thin = truth[:: max(1, len(truth) // _DRAWN)]
@@ -45,7 +49,7 @@ def trajectory_plot(
     for number, (name, rows) in enumerate(runs.items()):
         colour = _COLOURS[number % len(_COLOURS)]
         rows = rows[:: max(1, len(rows) // _DRAWN)]
-        axes.plot(rows[:, 2], rows[:, 3], color=colour, linewidth=1.3, label=figure_text(name))
+        axes.plot(rows[:, 2], rows[:, 3], color=colour, linewidth=1.3, label=_label(name))
     axes.plot(*truth[0, :2], "o", color="white", markeredgecolor=INK, markersize=6)
     low, high = truth[:, :2].min(axis=0), truth[:, :2].max(axis=0)
     reach = 0.5 * float((high - low).max()) + _MARGIN
@@ -57,30 +61,36 @@ def trajectory_plot(
     )
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
-    axes.legend(loc="upper right", framealpha=0.85, fontsize=9, labelcolor=INK)
+    for line in axes.legend(**_BESIDE).get_lines()[:1]:
+        line.set_color("#bbbbbb")  # white, on white
     return png_of(figure)
 
 
 @own_style()
 def error_plot(runs: Mapping[str, Array]) -> bytes:
     """How far systems are off over the length of the true path, as PNG."""
-    figure = blank_figure(7.4, 3.6)
+    figure = blank_figure(8.6, 3.6)
     axes = figure.subplots()
-    figure.subplots_adjust(left=0.09, right=0.985, bottom=0.14, top=0.95)
+    figure.subplots_adjust(left=0.08, right=0.79, bottom=0.14, top=0.95)
     least = 1.0
     for number, (name, rows) in enumerate(runs.items()):
         station, errors = _largest(rows[:, 1], rows[:, 5])
         errors = np.maximum(errors, _LEAST)
         least = min(least, float(np.median(errors)))
         colour = _COLOURS[number % len(_COLOURS)]
-        axes.plot(station, errors, color=colour, linewidth=1.2, label=figure_text(name))
+        axes.plot(station, errors, color=colour, linewidth=1.2, label=_label(name))
     axes.set_yscale("log")
     axes.set_ylim(bottom=max(0.1 * least, _LEAST))
     axes.set_xlabel("length of the true path [m]")
     axes.set_ylabel("distance to the truth [m]")
     axes.grid(color="#eee8e0", linewidth=0.6)
-    axes.legend(loc="upper left", **LEGEND)
+    axes.legend(**_BESIDE)
     return png_of(figure)
+
+
+def _label(name: str) -> str:
+    """A name as there is room for."""
+    return figure_text(name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…")
 
 
 def _largest(station: Array, errors: Array) -> tuple[Array, Array]:

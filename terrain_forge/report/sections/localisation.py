@@ -60,7 +60,7 @@ def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]
         yield table(head, rows, figures="lrrrrrl")
         for line in text:
             if line.startswith(_DIFFERS):
-                yield paragraph(line.capitalize(), "note")
+                yield paragraph(line[0].upper() + line[1:], "note")
     runs = _runs(folder, names)
     if not runs:
         return
@@ -76,7 +76,7 @@ def _blocks(built: Built, recording: Recording, folder: Path) -> Iterator[Block]
     yield drawing(
         error_plot(runs),
         description="Error over the length of the path",
-        caption="Distance to the truth after the alignment; the largest of each piece is drawn.",
+        caption="Distance to the truth after the alignment; the largest of each piece is shown.",
     )
 
 

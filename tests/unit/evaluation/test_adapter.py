@@ -167,11 +167,20 @@ def test_a_command_that_cannot_be_filled_in_is_told():
         assert told in str(error.value)
 
 
-def test_a_matrix_that_is_no_rotation_is_told(tmp_path):
+@pytest.mark.parametrize("y", [2, -1])
+def test_a_matrix_that_is_no_rotation_is_told(tmp_path, y):
     path = tmp_path / "poses.txt"
-    path.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 2 0 0 0 0 1 0\n")
+    path.write_text(f"1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 0 0 {y} 0 0 0 0 1 0\n")
     with pytest.raises(DataError, match=r"poses\.txt:2: its matrix is no rotation"):
         read_kitti_poses(path)
+
+
+def test_little_is_kept_of_what_is_too_much(tmp_path):
+    run = _system(tmp_path, "print('a' * 99999)\nsys.exit(1)")
+    assert run.why == "ended with status 1: " + "a" * 300
+    run = _system(tmp_path, "open(target, 'w').truncate(2**30 + 1)")
+    assert run.why == "fake.tum has 1,024.0 MiB, at most 1,024 MiB"
+    assert not (tmp_path / "kept" / "fake.tum").exists()
 
 
 def test_a_script_without_its_interpreter_says_so(tmp_path):

@@ -46,8 +46,10 @@ def test_a_binary_is_named_by_its_path(dataset, tmp_path):
     (result,) = evaluate_recording(dataset, systems)
     assert result.run.status == "done", result.run.log
     assert result.score.ate.rms < 1e-9
-    with pytest.raises(DataError, match="--binary orb-slam2=/nope: no such program"):
-        chosen_systems(None, dataset, ["orb-slam2=/nope"])
+    systems = chosen_systems("wheel-odometry", dataset, ["orb-slam2=/nope"])
+    other, missing = evaluate_recording(dataset, systems)
+    assert (missing.run.status, missing.run.why) == ("failed", "orb-slam2: no such program: /nope")
+    assert other.run.why != missing.run.why  # it went on
     for told, why in {
         "orb-slam2": "NAME=PATH",
         "orb-slam=/x": r"unknown system 'orb-slam' \(did you mean",

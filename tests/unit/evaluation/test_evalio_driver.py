@@ -21,7 +21,7 @@ from types import SimpleNamespace as Told
 def told(**keys):
     return Told(**keys)
 
-Point = LidarParams = ImuParams = told
+LidarParams = ImuParams = told
 SO3 = told
 
 def SE3(turn, place):
@@ -34,11 +34,30 @@ class Stamp(Duration):
     def to_nsec(self):
         return int(self)
 
-def LidarMeasurement(stamp, points):
-    return Told(stamp=stamp, points=points)
-
 def ImuMeasurement(*told):
     return told
+"""
+LOADERS = """
+from types import SimpleNamespace as Told
+
+import numpy as np
+
+DataType = Told(FLOAT32="f4", UINT32="u4")
+
+def Field(**keys):
+    return Told(**keys)
+
+PointCloudMetadata = Field
+
+def pc2_to_evalio(about, fields, data):
+    kind = {key: [getattr(field, name) for field in fields] for key, name in (
+        ("names", "name"), ("formats", "datatype"), ("offsets", "offset"))}
+    points = np.frombuffer(data, np.dtype(kind | {"itemsize": about.point_step}))
+    assert len(points) == about.width * about.height
+    return Told(stamp=about.stamp, points=points, columns=about.width)
+
+def fill_col_row_major(sweep):
+    sweep.column = np.arange(len(sweep.points)) % sweep.columns
 """
 PIPELINES = """
 from evalio import types
@@ -60,8 +79,8 @@ class Fake:
 
     def add_lidar(self, sweep):
         for n, p in enumerate(sweep.points):
-            if getattr(p, "x", 0.0):
-                print(p.row, p.col, n, round(p.x, 3))
+            if p["x"]:
+                print(p["ring"], sweep.column[n], n, round(float(p["x"]), 3), p["t"], p["range"])
         self.stamp = sweep.stamp
 
     def saved_estimates(self):
@@ -84,6 +103,9 @@ def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
     rings, column_s, columns = PERIODS[kind]
     (tmp_path / "evalio").mkdir()
     (tmp_path / "evalio" / "__init__.py").write_text("")
+    (tmp_path / "evalio" / "datasets").mkdir()
+    (tmp_path / "evalio" / "datasets" / "__init__.py").write_text("")
+    (tmp_path / "evalio" / "datasets" / "loaders.py").write_text(LOADERS)
     (tmp_path / "evalio" / "types.py").write_text(TYPES)
     (tmp_path / "evalio" / "pipelines.py").write_text(PIPELINES)
     folder = tmp_path / "mav0" / "lidar1"
@@ -124,4 +146,6 @@ def test_each_return_lies_in_the_column_that_it_was_fired_in(tmp_path, kind):
         np.testing.assert_allclose(told[:, 3], 5.0 * np.cos(turn), atol=2e-3)
     else:
         np.testing.assert_array_equal(told[:, 3], 1.0 + told[:, 1])
+        np.testing.assert_array_equal(told[:, 5], 1000.0 * told[:, 3])
+        np.testing.assert_allclose(told[:, 4] / 1e9, told[:, 1] * column_s, atol=40e-6)
     assert float((tmp_path / "own_s.txt").read_text()) > 0.0

@@ -100,6 +100,7 @@ def test_the_section_shows_tables_and_plots(evaluated):
         "Table III (Short)",
         "ORB-SLAM2 0.07",
         "Differs: runs: 2 here, one in the paper",
+        "stands for ORB-SLAM2",
         "2 of 2",
         "failed: /nowhere/a-loam: no such file or directory",
     ):

@@ -508,6 +508,12 @@ def test_programs_that_a_study_brings_run_by_an_explicit_word(written, tmp_path,
     assert "worlds" in run("study", written(change), "--list", "--trust").stdout
 
 
+def test_a_program_that_is_not_there_is_told_before_worlds_are_made(written):
+    change = ("[wheel-odometry]", "[a-loam]\n    binaries: {a-loam: /no/ws}")
+    with pytest.raises(RecipeError, match="systems: a-loam: no such program: /no/ws"):
+        read_study(written(change), trust=True)
+
+
 def test_studies_that_ship_bring_none():
     for name in shipped_studies():
         assert read_study(name).systems
