@@ -63,7 +63,11 @@ def join_tiles(tiled: TiledSite, directory: Path, *, options: Any) -> tuple[str,
         path = directory / f"{product}_overview.tif"
         write_geotiff(path, overview, world_ground=lattice, over=nodes, site=tiled.site, **told)
         with open_dataset(path) as raster:
-            parts = [(tile.window, f"{tile.folder}/{product}.tif") for tile in tiled.tiles]
+            name = f"{product}.tif"
+            parts = [
+                (tile.window, f"{tile.folder}/{name}", tile.statistics[name])
+                for tile in tiled.tiles
+            ]
             vrt = directory / f"{product}.vrt"
             write_vrt(vrt, parts, tiled.site, tiled.grid, like=raster, overview=path.name)
     return (

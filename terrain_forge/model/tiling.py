@@ -111,6 +111,8 @@ class BuiltTile:
     """How many rocks it has."""
     figures: dict[str, Any]
     """What its exporter told of it, as JSON."""
+    statistics: dict[str, list[dict[str, str]]]
+    """GDAL's tags of the statistics of each band of the GeoTIFFs in its folder, by their names."""
 
     @property
     def place(self) -> str:

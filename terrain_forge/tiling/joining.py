@@ -142,17 +142,22 @@ def _near_paths(
 
 def _join_truth(order: TileOrder) -> None:
     """Write a VRT over each of the tiles' truth rasters, and the shares of all materials."""
-    tiles = [(order.grid.window(n), order.grid.folder(n)) for n in range(len(order.grid))]
+    tiles = [
+        (order.grid.window(n), order.grid.folder(n), told["statistics"]) for n, told in _each(order)
+    ]
     truth = order.out / "truth"
     for one in sorted((order.folder(0) / "truth").glob("*.tif")):
-        parts = [(window, f"../{folder}/truth/{one.name}") for window, folder in tiles]
+        parts = [
+            (window, f"../{folder}/truth/{one.name}", statistics[f"truth/{one.name}"])
+            for window, folder, statistics in tiles
+        ]
         with reading_of_tile(one, order.folder(0)):
             raster = open_dataset(one)
         with raster:
             path = truth / f"{one.stem}.vrt"
             write_vrt(path, parts, order.site, order.grid, like=raster)
     if (order.folder(0) / "truth" / MATERIALS).is_file():
-        tables = [(truth / f"../{folder}/truth" / MATERIALS, window) for window, folder in tiles]
+        tables = [(truth / f"../{folder}/truth" / MATERIALS, window) for window, folder, _ in tiles]
         merge_materials(tables, order.grid, truth / MATERIALS)
 
 
@@ -217,6 +222,11 @@ def _built(order: TileOrder, export: Export) -> Iterator[BuiltTile]:
             height=tuple(told["height_m"]),
             rocks=told["rocks"],
             figures=told["figures"][export.folder],
+            statistics={
+                name.partition("/")[2]: bands
+                for name, bands in told["statistics"].items()
+                if name.startswith(f"{export.folder}/")
+            },
         )
 
 

@@ -26,6 +26,7 @@ from terrain_forge.tiling.exporting import export_tile
 from terrain_forge.tiling.order import STAGING, TILE, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
+from terrain_forge.writers import band_statistics
 
 
 def make_tile(out: str, number: int) -> dict[str, Any]:
@@ -117,6 +118,11 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
         "bytes": sum((folder / name).stat().st_size for name in names),
         "files": {name.as_posix(): sha256(folder / name) for name in names},
         "figures": figures,
+        "statistics": {
+            name.as_posix(): band_statistics(folder / name)
+            for name in names
+            if name.suffix == ".tif"
+        },
         "counts": counts,
     }
     told["digest"] = digest_of(told)

@@ -1,5 +1,7 @@
 """Fast writers of file formats that several rooms share."""
 
+from .geotiff import band_statistics as band_statistics
+from .geotiff import joined_statistics as joined_statistics
 from .geotiff import write_geotiff as write_geotiff
 from .glb import LARGEST_FILE as LARGEST_FILE
 from .glb import Gltf as Gltf

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import operator
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,47 @@ def _statistics(values: NDArray[Any], nodata: float | None) -> dict[str, str]:
         "STATISTICS_MAXIMUM": repr(high),
         "STATISTICS_MEAN": repr(middle + shift),
         "STATISTICS_STDDEV": repr(math.sqrt(max(math.fsum(squares) / count - shift**2, 0.0))),
-        "STATISTICS_VALID_PERCENT": repr(round(100.0 * count / values.size, 2)),
+        "STATISTICS_VALID_PERCENT": repr(100.0 * count / values.size),
+    }
+
+
+def band_statistics(path: Path) -> list[dict[str, str]]:
+    """GDAL's tags of each band's statistics; those of a band without a value are empty."""
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path) as file:
+            return [
+                {key: told for key, told in file.tags(band).items() if key.startswith("STATIS")}
+                for band in file.indexes
+            ]
+
+
+def joined_statistics(parts: Sequence[tuple[int, dict[str, str]]]) -> dict[str, str]:
+    """GDAL's tags of the statistics of a band, of those of its parts and their pixels."""
+    known = [
+        (pixels, {key.rpartition("_")[2]: float(text) for key, text in tags.items()})
+        for pixels, tags in parts
+        if tags
+    ]
+    if not known:
+        return {}
+    counts = [pixels * one["PERCENT"] / 100.0 for pixels, one in known]
+    count = math.fsum(counts)
+
+    def mean(values: Iterable[float]) -> float:
+        return math.fsum(map(operator.mul, counts, values)) / count
+
+    middle = mean(one["MEAN"] for _, one in known)
+    square = mean(one["STDDEV"] ** 2 + (one["MEAN"] - middle) ** 2 for _, one in known)
+    return {
+        "STATISTICS_MINIMUM": repr(min(one["MINIMUM"] for _, one in known)),
+        "STATISTICS_MAXIMUM": repr(max(one["MAXIMUM"] for _, one in known)),
+        "STATISTICS_MEAN": repr(middle),
+        "STATISTICS_STDDEV": repr(math.sqrt(square)),
+        "STATISTICS_VALID_PERCENT": repr(100.0 * count / sum(pixels for pixels, _ in parts)),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,9 +10,13 @@ from xml.sax.saxutils import escape
 
 from terrain_forge.model import Site, TileGrid, Window
 
+from .geotiff import joined_statistics
+
 _TYPES = {"float32": "Float32", "int32": "Int32", "uint8": "Byte"}
-Parts = Sequence[tuple[Window, str]]
-"""The cells of each tile, and its raster relative to the VRT."""
+Parts = Sequence[tuple[Window, str, Sequence[dict[str, str]]]]
+"""The cells of each tile, its raster relative to the VRT, and the statistics of its bands.
+
+Without them in the VRT, GDAL writes them into it and beside each tile when one looks."""
 
 
 def write_vrt(
@@ -60,7 +65,12 @@ def _band(
     parts: Parts, grid: TileGrid, like: Any, band: int, overview: str | None
 ) -> Iterator[str]:
     kind, interpretation = _TYPES[like.dtypes[0]], like.colorinterp[band - 1].name.title()
-    yield f'  <VRTRasterBand dataType="{kind}" band="{band}">\n'
+    yield f'  <VRTRasterBand dataType="{kind}" band="{band}">\n    <Metadata>\n'
+    sizes = [math.prod(grid.nodes(window)) for window, _, _ in parts]
+    known = [statistics[band - 1] for _, _, statistics in parts]
+    for key, text in joined_statistics(list(zip(sizes, known, strict=True))).items():
+        yield f'      <MDI key="{key}">{text}</MDI>\n'
+    yield "    </Metadata>\n"
     yield f"    <Description>{escape(like.descriptions[band - 1] or '')}</Description>\n"
     if like.nodata is not None:
         yield f"    <NoDataValue>{like.nodata:g}</NoDataValue>\n"
@@ -68,12 +78,8 @@ def _band(
         yield f"    <UnitType>{escape(like.units[band - 1])}</UnitType>\n"
     yield f"    <ColorInterp>{interpretation}</ColorInterp>\n"
     if interpretation == "Palette":
-        yield "    <ColorTable>\n"
-        for _, colour in sorted(like.colormap(band).items()):
-            told = " ".join(f'c{n}="{part}"' for n, part in enumerate(colour, 1))
-            yield f"      <Entry {told}/>\n"
-        yield "    </ColorTable>\n"
-    for window, name in parts:
+        yield from _classes(like, band)
+    for window, name, _ in parts:
         yield _source(window, grid, name, kind, band)
     if overview:
         yield (
@@ -81,6 +87,20 @@ def _band(
             f"</SourceFilename><SourceBand>{band}</SourceBand></Overview>\n"
         )
     yield "  </VRTRasterBand>\n"
+
+
+def _classes(like: Any, band: int) -> Iterator[str]:
+    """Names and colours of the classes alone: a GeoTIFF's table has 256 of them."""
+    tags = like.tags()
+    names = [tags[key] for n in range(256) if (key := f"TERRAIN_FORGE_CLASS_{n}") in tags]
+    yield "    <CategoryNames>\n"
+    for name in names:
+        yield f"      <Category>{escape(name)}</Category>\n"
+    yield "    </CategoryNames>\n    <ColorTable>\n"
+    for _, colour in sorted(like.colormap(band).items())[: len(names)]:
+        told = " ".join(f'c{n}="{part}"' for n, part in enumerate(colour, 1))
+        yield f"      <Entry {told}/>\n"
+    yield "    </ColorTable>\n"
 
 
 def _source(window: Window, grid: TileGrid, name: str, kind: str, band: int) -> str:

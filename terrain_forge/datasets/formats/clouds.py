@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from terrain_forge.base import ExportError, FileName, Progress, RecipeError, Spec
 from terrain_forge.datasets import sizes
 from terrain_forge.datasets.clouds import LidarMotion, on_rover, places
@@ -122,14 +124,15 @@ def _write_map(
 def _write_sweeps(
     recording: Recording, lidar: RecordedLidar, folder: Path, options: Options, progress: Progress
 ) -> int:
-    truth = recording.truth_of(lidar)
-    (folder / f"{lidar.key}.tum").write_text(_HEAD + tum_text(truth))
     place = folder / lidar.key
     place.mkdir()
     numbers = list(range(len(lidar.stamps)))
     if options.deskew:
         motion = LidarMotion(recording, lidar)
         numbers = [n for n in numbers if motion.covers(int(lidar.stamps[n]))]
+    truth = recording.truth_of(lidar)
+    truth = truth[np.isin(truth.stamps, lidar.stamps[numbers])]
+    (folder / f"{lidar.key}.tum").write_text(_HEAD + tum_text(truth))
     for done, number in enumerate(numbers):
         progress("writing clouds", done / len(numbers))
         begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)

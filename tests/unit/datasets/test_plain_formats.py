@@ -261,6 +261,16 @@ def test_sweeps_as_files(recording, tmp_path, encoding):
         assert max(off) < 2e-4 if deskew else max(off) > 0.01
 
 
+def test_sweeps_that_are_left_out_have_no_pose(recording, tmp_path, monkeypatch):
+    first = int(recording.lidars[0].stamps[0])
+    monkeypatch.setattr(LidarMotion, "covers", lambda motion, begin: begin != first)
+    write_dataset(recording, "clouds", tmp_path / "out", {"deskew": True})
+    rows = [one for one in (tmp_path / "out/lidar0.tum").read_text().splitlines() if one[0] != "#"]
+    names = sorted(path.stem for path in (tmp_path / "out/lidar0").iterdir())
+    assert [one.split()[0].replace(".", "") for one in rows] == names
+    assert len(names) == 8
+
+
 def test_intensities_of_laz_keep_what_is_below_one(recording, tmp_path):
     import laspy
 

@@ -6,7 +6,7 @@ from terrain_forge.exporters.geotiff.joining import OVERVIEW, join_tiles, overvi
 
 from terrain_forge.base import RecipeError
 from terrain_forge.model import BuiltTile, TiledSite, TileGrid, rotations
-from terrain_forge.writers import write_geotiff
+from terrain_forge.writers import band_statistics, write_geotiff
 from tests.helpers.surfaces import top_under
 
 PRODUCTS = ["elevation", "hillshade", "orthoimage", "rock_id", "slope", "surface_with_rocks"]
@@ -152,7 +152,7 @@ def test_the_overview_of_a_site_in_tiles_shows_nodes_amid_its_pixels(
     np.savez(tmp_path / OVERVIEW, elevation=north[np.ix_(rows, columns)])
     tile = BuiltTile(
         number=0, row=0, column=0, window=grid.window(0), folder=".", height=(0, 1), rocks=0,
-        figures={},
+        figures={}, statistics={"elevation.tif": band_statistics(tmp_path / "elevation.tif")},
     )  # fmt: skip
     tiled = TiledSite(
         site=site, grid=grid, world=small_world, tiles=(tile,), near_paths=lambda _: iter(())

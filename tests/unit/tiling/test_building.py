@@ -14,6 +14,7 @@ from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -79,6 +80,22 @@ def test_the_whole_rasters_say_of_themselves_what_their_tiles_do(built):
                 ours = {k: v for k, v in tile.tags().items() if k.startswith("TERRAIN_FORGE_")}
                 assert ours["TERRAIN_FORGE_SITE"] == "six"
                 assert ours.items() <= raster.tags().items()
+
+
+def test_virtual_rasters_hold_the_statistics_of_their_bands(built):
+    """Or GDAL writes them into the VRT and beside each tile when QGIS shows it."""
+    paths = sorted(built.glob("*/*.vrt"))
+    assert len(paths) > 10
+    for path in paths:
+        with rasterio.open(path) as raster:
+            for band, values in enumerate(raster.read(masked=True), start=1):
+                told = {key: float(value) for key, value in raster.tags(band).items()}
+                assert told["STATISTICS_MINIMUM"] == values.min()
+                assert told["STATISTICS_MAXIMUM"] == values.max()
+                assert told["STATISTICS_MEAN"] == pytest.approx(values.mean(dtype=float))
+                assert told["STATISTICS_STDDEV"] == pytest.approx(values.std(dtype=float))
+                share = 100.0 * values.count() / values.size
+                assert told["STATISTICS_VALID_PERCENT"] == pytest.approx(share)
 
 
 def test_traversability_of_all_tiles_is_that_of_one_world(built, whole, tmp_path):
@@ -351,6 +368,8 @@ def test_truth_of_all_tiles_is_one_raster_each(built, whole):
     assert names == {path.stem for path in (built / "tiles/000/000/truth").glob("*.tif")}
     top, ids = rock_rasters(whole)
     wanted = {"surface_with_rocks": top, "rock_id": ids, "material": whole.appearance.material}
+    table = csv.DictReader((built / "truth/materials.csv").read_text().splitlines())
+    shares = {row["name"]: float(row["share"]) for row in table}
     for name in sorted(names):
         with (
             rasterio.open(built / f"truth/{name}.vrt") as raster,
@@ -360,10 +379,11 @@ def test_truth_of_all_tiles_is_one_raster_each(built, whole):
                 assert getattr(raster, told) == getattr(tile, told), (name, told)
             if name == "material":
                 assert raster.colormap(1)[1] == tile.colormap(1)[1]
+                vrt = ElementTree.parse(built / "truth/material.vrt")
+                assert [one.text for one in vrt.iter("Category")] == list(shares)
+                assert len(list(vrt.iter("Entry"))) == len(shares)
             if name in wanted:
                 assert np.array_equal(raster.read(1)[::-1], wanted[name])
-    table = csv.DictReader((built / "truth/materials.csv").read_text().splitlines())
-    shares = {row["name"]: float(row["share"]) for row in table}
     assert shares["sand"] == pytest.approx((wanted["material"] == 1).mean(), abs=2e-6)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-5)
 
