@@ -255,7 +255,9 @@ def _places(
         "vocabulary": vocabulary_of(adapter) if adapter.needs_vocabulary else "",
         **sensor_places(recording),
     }
-    return {name: str(place) for name, place in places.items()}
+    told = {name: str(place) for name, place in places.items()}
+    _true_poses(recording, adapter.frame_of(told))  # what was not recorded is told before it runs
+    return told
 
 
 def truth_of(recording: Recording, frame: str) -> TimedPoses:

@@ -29,7 +29,14 @@ from terrain_forge.recipe import sha256
 from terrain_forge.tiling.beyond import shows_horizon, site_horizon
 from terrain_forge.tiling.exporting import begin_export, join_export
 from terrain_forge.tiling.making import digest_of, tile_of, world_of
-from terrain_forge.tiling.order import FOLDER, STAGING, TILE, TileOrder, reading_of_tile
+from terrain_forge.tiling.order import (
+    FOLDER,
+    STAGING,
+    TILE,
+    TILE_FORMAT,
+    TileOrder,
+    reading_of_tile,
+)
 from terrain_forge.truth import MATERIALS, merge_materials, write_merged
 from terrain_forge.writers import write_vrt
 
@@ -64,7 +71,7 @@ def read_tile(order: TileOrder, number: int) -> dict[str, Any]:
     try:
         told: dict[str, Any] = read_json(path, TILE, most=_MOST)
         here = (told["row"], told["column"]) == order.grid.place(number)
-        if told["format"] == 1 and here and told["digest"] == digest_of(told):
+        if told["format"] == TILE_FORMAT and here and told["digest"] == digest_of(told):
             return told
     except (DataError, KeyError, TypeError):
         pass

@@ -23,7 +23,7 @@ from terrain_forge.recipe import sha256
 from terrain_forge.rovers import rover_of
 from terrain_forge.tiling.beyond import shows_horizon, write_strips
 from terrain_forge.tiling.exporting import export_tile
-from terrain_forge.tiling.order import STAGING, TILE, TileOrder, load_order
+from terrain_forge.tiling.order import STAGING, TILE, TILE_FORMAT, TileOrder, load_order
 from terrain_forge.tiling.picture import PICTURE, tile_step, write_picture
 from terrain_forge.truth import write_tile_truth
 from terrain_forge.writers import band_statistics
@@ -110,7 +110,7 @@ def _write(order: TileOrder, number: int, folder: Path) -> None:
     row, column = order.grid.place(number)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     told = {
-        "format": 1,
+        "format": TILE_FORMAT,
         "row": row,
         "column": column,
         "rocks": len(tile.field),

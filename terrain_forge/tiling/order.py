@@ -56,6 +56,7 @@ PLANNED = _SITE, _ARRAYS, ORDER
 """Files of the planned site."""
 TILE = "tile.json"
 """A tile's own list of its files."""
+TILE_FORMAT = 2
 MOST = 2**30
 """Bytes of a site's JSON."""
 RESERVED = {FOLDER, STAGING, TILE, "tiles", "map.png", "border.npz"}

@@ -325,6 +325,9 @@ def test_a_place_of_a_sensor_that_was_not_recorded_is_told(tmp_path, system):
     dataset = write_recording(tmp_path / "eyes" / "dataset", lidar=False)
     (one,) = evaluate_recording(dataset, [find_system(system("low", "", frame="{lidar}"))])
     assert one.run.why == "low needs lidar, which was not recorded"
+    (one,) = evaluate_recording(dataset, [find_system(system("far", "", frame="mast"))])
+    assert one.run.why.startswith("no sensor 'mast'")
+    assert one.run.status == "failed"  # and was not run
 
 
 def test_a_pair_that_was_not_recorded_is_told_once(dataset, system):
