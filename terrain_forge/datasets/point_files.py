@@ -60,10 +60,11 @@ class PointFile:
         path: The file.
         encoding: Its format.
         wide: Whether places and times have 64 bits where the format has a choice.
+        crs: WKT of what places are in, for LAZ; empty where that is no CRS.
     """
 
-    def __init__(self, path: Path, encoding: Encoding, *, wide: bool) -> None:
-        self._path, self._encoding = path, encoding
+    def __init__(self, path: Path, encoding: Encoding, *, wide: bool, crs: str = "") -> None:
+        self._path, self._encoding, self._crs = path, encoding, crs
         told = {name: kind.str for name, (kind, *_) in (POINT.fields or {}).items()}
         # The point types of PCL, which PCD is of, have places of 32 bits.
         chosen = (_PLACE if encoding == "pcd" else {}) if wide else _NARROW
@@ -75,7 +76,7 @@ class PointFile:
     def __enter__(self) -> Self:
         self._file = self._path.open("wb+")
         if self._encoding == "laz":
-            self._laz = _laz_writer(self._file)
+            self._laz = _laz_writer(self._file, self._crs)
         else:
             self._file.write(self._head())
         return self
@@ -135,12 +136,16 @@ class PointFile:
         return "".join(f"{name} {text}\n" for name, text in rows.items())
 
 
-def _laz_writer(file: BinaryIO) -> Any:
+def _laz_writer(file: BinaryIO, crs: str) -> Any:
     from datetime import date
 
     import laspy
+    from laspy.vlrs.known import WktCoordinateSystemVlr
 
-    header = laspy.LasHeader(point_format=1, version="1.2")
+    header = laspy.LasHeader(point_format=1, version="1.4" if crs else "1.2")
+    if crs:  # LAS 1.4 is the first that knows WKT
+        header.vlrs.append(WktCoordinateSystemVlr(crs))
+        header.global_encoding.wkt = True
     header.scales, header.offsets = np.full(3, _SCALE), np.zeros(3)
     header.creation_date = date(*_DAY)
     header.system_identifier = "simulated"

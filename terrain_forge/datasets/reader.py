@@ -35,6 +35,8 @@ from terrain_forge.datasets.streams import (
 
 VERSION = 1
 """Of the layout of a recording, as its dataset.json says."""
+_MOST_CRS = 60_000
+"""Bytes of WKT: LAS holds some more."""
 INDEX = "dataset.json"
 BASE = "base_link"
 """The rover's own frame."""
@@ -121,6 +123,11 @@ class Recording:
     def name(self) -> str:
         """Name of the world."""
         return str(self.about["world"]["name"])
+
+    @property
+    def crs(self) -> str:
+        """WKT of the CRS whose east and north are the world's; empty where it has none."""
+        return str(self.about["world"].get("crs", ""))
 
     @property
     def gravity(self) -> float:
@@ -348,6 +355,9 @@ def _check(about: Any) -> None:
     _require_kinds(about.get("motion", {}), _MOTION, f"{INDEX}: motion")
     if not isinstance(about["world"].get("name"), str):
         raise DataError(f"{INDEX} has no name of the world")
+    crs = about["world"].get("crs", "")
+    if not isinstance(crs, str) or len(crs.encode()) > _MOST_CRS:
+        raise DataError(f"{INDEX}: the world's CRS is no WKT of at most {_MOST_CRS} bytes")
     if not all(isinstance(one, dict) for one in about.get("sensors", ())):
         raise DataError(f"{INDEX}: its sensors are no tables of keys")
     if not all(number.isdecimal() for number in about["classes"]):

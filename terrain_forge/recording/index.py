@@ -247,6 +247,7 @@ def _about(
             "seed": world.site.seed,
             "body": world.site.body.name,
             "rover": world.rover.name,
+            "crs": world.site.crs,
         },
         "gravity_m_s2": setting.gravity,
         "motion": {

@@ -112,7 +112,8 @@ def _write_map(
     numbers = [n for n, stamp in enumerate(lidar.stamps.tolist()) if motion.covers(stamp)]
     if not numbers:
         raise ExportError(f"clouds: the truth covers no sweep of {lidar.name}")
-    with PointFile(folder / f"{lidar.key}.{options.encoding}", options.encoding, wide=True) as file:
+    path, crs = folder / f"{lidar.key}.{options.encoding}", recording.crs
+    with PointFile(path, options.encoding, wide=True, crs=crs) as file:
         for done, number in enumerate(numbers):
             progress("writing clouds", done / len(numbers))
             begin, sweep = int(lidar.stamps[number]), lidar.sweep(number)

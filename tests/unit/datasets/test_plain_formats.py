@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from rasterio.crs import CRS
 
 from terrain_forge.base import ExportError, RecipeError
 from terrain_forge.datasets import (
@@ -303,6 +304,23 @@ def test_a_map_of_all_sweeps_lies_on_the_plane(recording, tmp_path, encoding):
     write_dataset(recording, "clouds", again, {"encoding": encoding, "map": True})
     one, two = ((f / f"lidar0.{encoding}").read_bytes() for f in (again, tmp_path / "out"))
     assert one == two
+
+
+def test_a_map_as_laz_names_its_crs(recording, tmp_path, monkeypatch):
+    import laspy
+
+    crs = CRS.from_proj4("+proj=tmerc +lat_0=-4.6 +lon_0=137.4 +R=3396190 +units=m")
+    monkeypatch.setitem(recording.about["world"], "crs", crs.to_wkt())
+    for name in ("map", "sweeps"):
+        options = {"encoding": "laz", "map": name == "map"}
+        write_dataset(recording, "clouds", tmp_path / name, options)
+    with laspy.open(tmp_path / "map/lidar0.laz") as file:
+        (told,) = file.header.vlrs.get("WktCoordinateSystemVlr")
+        assert file.header.global_encoding.wkt
+        assert CRS.from_wkt(told.string) == crs
+        assert len(file.read().points) == file.header.point_count > 0
+    with laspy.open(next((tmp_path / "sweeps/lidar0").iterdir())) as file:  # in the lidar's frame
+        assert not file.header.vlrs.get("WktCoordinateSystemVlr")
 
 
 def test_colours_and_more_bits(tmp_path):

@@ -197,6 +197,10 @@ BROKEN = {
         ).base.resize(200),
         f"lidar0/data/{EPOCH}.npy cannot be read",
     ),
+    "endless CRS": (
+        lambda f: _index(f, world={"name": "plane", "crs": "a" * 70_000}),
+        "dataset.json: the world's CRS is no WKT of at most 60000 bytes",
+    ),
     "stream twice": (
         lambda f: _index(f, streams=2 * [{"folder": "mav0/imu0", "name": "a", "kind": "imu"}]),
         "the stream 'mav0/imu0' is listed 2 times",
