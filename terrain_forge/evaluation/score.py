@@ -33,6 +33,8 @@ KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Lengths of the KITTI odometry benchmark [m] (doi:10.1109/CVPR.2012.6248074)."""
 MAX_STATIONS = 10_000_000
 """Stations of a path at most."""
+_TOLERANCE = 0.1
+"""Part of a piece's length by which evo lets it be longer or shorter."""
 _SPARSE = 3.0
 """Usual times from one true pose to the next that make a gap of the truth."""
 
@@ -234,7 +236,8 @@ def _segments(
 
     A piece begins at each station, or pose, and ends at the first that is as far on by the true
     path; stations are taken a little closer where the length is no multiple of their distance. One
-    with a gap in it was not followed and is left out: the line across would be without error.
+    with a gap in it was not followed and is left out: the line across would be without error. Of
+    all poses, the pieces between which motions are compared are evo's.
     """
     whole = truth.stations
     true_at, told_at, rows = whole, estimate.stations, np.arange(len(whole))
@@ -261,7 +264,24 @@ def _segments(
     ends = ends[begins]
     true = true_at[ends] - true_at[begins]
     told = told_at[ends] - told_at[begins]
-    return np.abs(told - true) / true, np.stack([rows[begins], rows[ends]], axis=-1)
+    lengths = np.abs(told - true) / true
+    if not apart:
+        begins, ends = _evo_pairs(whole, over)
+        followed = gaps[begins] == gaps[ends]
+        begins, ends = begins[followed], ends[followed]
+    return lengths, np.stack([rows[begins], rows[ends]], axis=-1)
+
+
+def _evo_pairs(stations: Array, over: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The poses nearest to so far on as each [m], within a tenth of it: evo's `all_pairs`."""
+    begins = np.arange(len(stations) - 1)
+    behind = np.searchsorted(stations, stations[:-1] + over)
+    near = np.clip([behind - 1, behind], begins + 1, len(stations) - 1)
+    off = np.abs(stations[near] - stations[begins] - over)
+    nearest = near[off.argmin(axis=0), begins]
+    first = np.searchsorted(stations, stations[nearest])  # of those that stand still
+    kept = off.min(axis=0) <= _TOLERANCE * over
+    return begins[kept], np.maximum(first, begins + 1)[kept]
 
 
 def _lengths(poses: TimedPoses, time: Array) -> Array:

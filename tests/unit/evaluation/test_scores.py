@@ -154,9 +154,11 @@ def test_pieces_with_a_gap_are_not_scored(stations):
     assert found.drift.most == pytest.approx(0.02, rel=1e-6)
     assert found.rpe.rms == pytest.approx(whole.rpe.rms, rel=1e-3)
     lost = 20.9 + 10.0  # pieces begin there that lie in it, or end after its begin
-    share = (whole.drift.count - found.drift.count) / whole.drift.count
+    left_out = whole.drift.count - found.drift.count
+    share = left_out / whole.drift.count
     assert share == pytest.approx(lost / (whole.length - 10.0), rel=0.02)
-    assert found.drift.count == found.rpe.count == found.yaw_drift.count
+    assert whole.rpe.count - found.rpe.count == pytest.approx(left_out, rel=0.04)
+    assert found.rpe.count == found.yaw_drift.count
     patient = ScoreOptions(stations_m=stations, gap_s=41.0)
     assert score_poses(truth, told.select(kept), patient).drift.count > found.drift.count
 
@@ -252,7 +254,7 @@ def test_errors_equal_those_of_evo(tmp_path):
     walk = np.cumsum(rng.normal(scale=0.01, size=truth.position.shape), axis=0)
     told = _turned(truth, TURN, [1, 2, 3])
     told = told.replace(position=told.position + walk)
-    ours = score_poses(truth, told, ScoreOptions(third_by="index"))
+    ours = score_poses(truth, told, ScoreOptions(third_by="index", stations_m=0))
     theirs = [
         PoseTrajectory3D(
             positions_xyz=p.position.copy(),
@@ -266,6 +268,32 @@ def test_errors_equal_those_of_evo(tmp_path):
     ape.process_data(theirs)
     assert ours.ate.rms == pytest.approx(ape.get_statistic(metrics.StatisticsType.rmse), abs=1e-9)
     assert ours.errors == pytest.approx(ape.error, abs=1e-9)
+    for relation, mine in (
+        (metrics.PoseRelation.translation_part, ours.rpe),
+        (metrics.PoseRelation.rotation_angle_rad, ours.rpe_angle),
+    ):
+        rpe = metrics.RPE(
+            relation, 10.0, metrics.Unit.meters, all_pairs=True, pairs_from_reference=True
+        )
+        rpe.process_data(theirs)
+        assert mine.count == len(rpe.error)
+        assert mine.rms == pytest.approx(rpe.get_statistic(metrics.StatisticsType.rmse), abs=1e-7)
+
+
+def test_of_all_poses_motions_over_the_length_nearest_to_the_wanted_one_count():
+    """As evo's `all_pairs`: within a tenth of it; of a stop the first pose."""
+    stations = [0.0, 3.0, 7.0, 7.0, 9.2, 14.0, 23.5]
+    at = np.array([[x, 0.0, 0.0] for x in stations])
+    truth = TimedPoses(
+        name="truth", time=np.arange(7.0), position=at, quaternion=np.tile([1.0, 0, 0, 0], (7, 1))
+    )
+    off = np.array([0.0, 0.001, 0.01, 0.1, 1.0, 10.0, 100.0])
+    told = truth.replace(position=at + off[:, None] * [0, 0, 1])
+    found = score_poses(truth, told, ScoreOptions(align="none", stations_m=0))
+    # 0 to 9.2, 3 to 14 (11 is a tenth more), 14 to 23.5; 7 has nothing near, nor has 9.2
+    assert found.rpe.count == 3
+    assert found.rpe.most == pytest.approx(90.0)
+    assert found.rpe.median == pytest.approx(9.999)
 
 
 WRONG = {
