@@ -103,16 +103,26 @@ def told_of(recording: Recording, camera: RecordedCamera) -> Mapping[str, Any]:
 
 def intensities(recording: Recording, camera: RecordedCamera, number: int) -> NDArray[np.float64]:
     """A picture's linear values, at most 1, shape [height, width] or [height, width, 3]."""
+    pixels, linear = _linear(recording, camera, number)
+    return linear[pixels]
+
+
+def _linear(
+    recording: Recording, camera: RecordedCamera, number: int
+) -> tuple[NDArray[np.uint16], NDArray[np.float64]]:
+    """A picture's pixels, and the linear value of each that one can have."""
     pixels = camera.image(number)
-    bits = 8 if pixels.dtype == np.uint8 else int(camera.channels["data"].get("bits", 16))
+    held = 8 if pixels.dtype == np.uint8 else 16
+    bits = 8 if held == 8 else int(camera.channels["data"].get("bits", 16))
     gamma = float(told_of(recording, camera).get("gamma", 1.0))
-    return np.asarray((pixels / (2.0**bits - 1.0)) ** gamma)
+    return pixels.astype(np.uint16), (np.arange(2.0**held) / (2.0**bits - 1.0)) ** gamma
 
 
 def displayed(recording: Recording, camera: RecordedCamera, number: int) -> Pixels:
     """A picture as an eye would see it, sRGB, shape [height, width, 3]."""
-    shown = (255 * srgb_from_linear(intensities(recording, camera, number))).round()
-    pixels = shown.clip(0, 255).astype(np.uint8)
+    values, linear = _linear(recording, camera, number)
+    shown = (255 * srgb_from_linear(linear)).round()
+    pixels = shown.clip(0, 255).astype(np.uint8)[values]
     return np.stack([pixels] * 3, axis=-1) if pixels.ndim == 2 else pixels[..., :3]
 
 
