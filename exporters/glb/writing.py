@@ -23,7 +23,7 @@ from terrain_forge.geometry import (
     texture_loss,
     with_horizon_loss,
 )
-from terrain_forge.model import CLOSE, ExportReport, Trajectory, World
+from terrain_forge.model import CLOSE, ExportReport, GroundDetail, Trajectory, World
 from terrain_forge.rocks import path_pebbles, seen_close
 from terrain_forge.writers import LARGEST_FILE, Gltf
 
@@ -55,7 +55,7 @@ def export(world: World, directory: Path, *, options: Options) -> ExportReport:
             _moving_node(trajectory, gltf, node=1 + number)
             for number, trajectory in enumerate(world.trajectories)
         ]
-        shared = SharedParts(gltf, world.appearance.detail)
+        shared = SharedParts(gltf, _soil(world, options))
         tiles = _tiles(world, gltf, coarse, shared, options)
         single = world.field.select(world.field.diameter >= options.instances_min_m)
         fine = single.diameter >= options.finest_min_m
@@ -156,9 +156,14 @@ def check_capacity(options: Options, *, nodes: float, rocks: float) -> None:
         )
 
 
+def _soil(world: World, options: Options) -> GroundDetail | None:
+    """The detail tile whose normals are in the file, if there is one."""
+    return world.appearance.detail if options.soil_normals else None
+
+
 def _losses(world: World, coarse: NDArray[np.int64], options: Options) -> tuple[str, ...]:
     """What a GLB, or this export of one, does not say."""
-    detail, within = world.appearance.detail, options.close_within_m
+    detail, within = _soil(world, options), options.close_within_m
     losses = [
         texture_loss(world.ground, options.texture_pixels, normals=detail is not None),
         *([detail_loss(detail)] if detail else []),

@@ -129,6 +129,17 @@ def test_the_soils_normals_repeat_where_they_belong(small_world, glb, scene):
         assert shows_its_detail(pixels, s, 1 - t, detailed(small_world), vertices)
 
 
+def test_without_the_soils_normals_rocks_alone_have_maps(small_world, tmp_path):
+    world = worlds.with_horizon(detailed(small_world))
+    text, _ = glb_parts(exported(world, tmp_path / "glb", soil_normals=False))
+    assert "KHR_texture_transform" not in text["extensionsUsed"]
+    bumpy = {look["name"] for look in text["materials"] if "normalTexture" in look}
+    assert bumpy
+    assert not [name for name in bumpy if name.startswith(("ground", "horizon"))]
+    (ground,) = (mesh for mesh in text["meshes"] if mesh["name"] == "ground_000")
+    assert "TANGENT" not in ground["primitives"][0]["attributes"]
+
+
 def test_rocks_show_the_texture_where_their_shape_says(small_world, scene):
     field = small_world.field
     row = int(field.diameter.argmax())
