@@ -41,8 +41,9 @@ class Options(Spec):
     """Pixels of the ground's textures along its longer side, all tiles together: as many for each
     node as that has room for, one at least."""
     soil_normals: bool = True
-    """Whether the ground has the normal map of its soil; without it viewers that lay all maps of
-    a material alike show none, rather than one that is stretched over the ground."""
+    """Whether the ground has the normal map of its soil, which sites in tiles never have; without
+    it viewers that lay all maps of a material alike show none, rather than one that is stretched
+    over the ground."""
     horizon: bool = True
     """Whether what lies beyond the border is in it, out to the horizon; visual-only."""
     lights: Literal["display", "physical"] = "display"
