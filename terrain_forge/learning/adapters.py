@@ -9,12 +9,14 @@ and an origin (`isaaclab.terrains.sub_terrain_cfg`). Both want ground from (0, 0
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge
 
+from terrain_forge import __version__
 from terrain_forge.base import (
     Array,
     DataError,
@@ -37,6 +39,8 @@ from terrain_forge.recipe import (
     Recipe,
     RecipeFile,
     WorldsSpec,
+    input_paths,
+    recipe_json,
     require_fits,
 )
 from terrain_forge.truth import rock_rasters
@@ -124,7 +128,7 @@ class GroundMaker:
         _require_spec(spec)
         world = self.world(difficulty, int(rng.integers(2**31)), size=size)
         geom, field = add_to_spec(spec, world, name=f"ground_{rng.integers(2**63)}")
-        origin = self._origin(world)
+        origin = self.origin_of(world)
         try:
             from mjlab.terrains.terrain_generator import (  # type: ignore[import-not-found]
                 TerrainGeometry,
@@ -135,16 +139,48 @@ class GroundMaker:
         told = TerrainGeometry(geom=geom, hfield=field)
         return TerrainOutput(origin=origin, geometries=[told])
 
+    @property
+    def isaac_lab(self) -> ForIsaacLab:
+        """What Isaac Lab's `SubTerrainBaseCfg.function` is to be."""
+        return ForIsaacLab(self)
+
+    def origin_of(self, world: World) -> Array:
+        """The middle of the ground, as high as what stands about it, from the corner [m]."""
+        top, ground = rock_rasters(world)[0], world.ground
+        west, south, _, _ = ground.bounds
+        reach = self.platform + np.sqrt(2.0) * ground.spacing  # of cells that lie in it in part
+        near = np.hypot(ground.east[None, :], ground.north[:, None]) <= reach
+        return np.array([-west, -south, float(top[near].max())])
+
+
+@dataclass(frozen=True, slots=True)
+class ForIsaacLab:
+    """What Isaac Lab calls.
+
+    Its cache of terrains tells functions apart by their names alone: this one's hangs on the
+    recipe, and on when the files that it names were written.
+    """
+
+    maker: GroundMaker
+
+    @property
+    def __name__(self) -> str:
+        maker = self.maker
+        told = [__version__, recipe_json(maker.recipe), str(maker.platform)]
+        for path in input_paths(maker.recipe, maker.folder):
+            told.append(f"{path.resolve()} {path.stat().st_mtime_ns if path.exists() else 0}")
+        return f"isaac_lab_{sha256(chr(10).join(told).encode()).hexdigest()[:16]}"
+
     @checked
-    def isaac_lab(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
-        """What Isaac Lab's `SubTerrainBaseCfg.function` does: trimesh meshes and the origin.
+    def __call__(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
+        """Meshes of trimesh and the origin, for a difficulty of 0 to 1 and a configuration.
 
         The number of the world hangs on the difficulty, which differs from place to place, and the
         generator's seed, which is that of NumPy's global state where it has none: so Isaac Lab's
         cache of terrains holds what is made anew.
 
         Raises:
-            ValueError, DataError, RecipeError: as `world`.
+            ValueError, DataError, RecipeError: as `GroundMaker.world`.
         """
         size, seed = getattr(cfg, "size", None), getattr(cfg, "seed", None)
         require_kind(size, PositivePair, "cfg.size")
@@ -152,15 +188,8 @@ class GroundMaker:
         if seed is None:
             seed = int(np.random.get_state()[1][0])  # type: ignore[index]  # noqa: NPY002
         number = int(stage_key(int(seed), f"isaac_lab/{float(difficulty)!r}")) % 2**31
-        world = self.world(difficulty, number, size=size)
-        return trimeshes(world), self._origin(world)
-
-    def _origin(self, world: World) -> Array:
-        top, ground = rock_rasters(world)[0], world.ground
-        west, south, _, _ = ground.bounds
-        reach = self.platform + np.sqrt(2.0) * ground.spacing  # of cells that lie in it in part
-        near = np.hypot(ground.east[None, :], ground.north[:, None]) <= reach
-        return np.array([-west, -south, float(top[near].max())])
+        world = self.maker.world(difficulty, number, size=size)
+        return trimeshes(world), self.maker.origin_of(world)
 
 
 @checked

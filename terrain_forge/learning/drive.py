@@ -358,6 +358,10 @@ class DriveEnv(gymnasium.Env[Observation, Array]):
         picture: NDArray[np.uint8] = self._renderer.render()
         return picture
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what draws, which cannot be copied; a copy gets its own."""
+        return {**vars(self), "_renderer": None}
+
     def close(self) -> None:
         """Let go of what draws."""
         if self._renderer is not None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import shutil
 import sys
+import threading
 import warnings
 from dataclasses import replace
 from types import SimpleNamespace
@@ -45,6 +48,40 @@ def test_a_seed_tells_all_that_follows(made):
     assert np.array_equal(first[0][0], first[3][0])
     assert not np.array_equal(first[0][0], first[1][0])
     assert np.array_equal(episode(make(made), 1)[0], first[0][0])
+
+
+class Drawing:
+    """Stands in for MuJoCo's renderer, which cannot be copied either."""
+
+    def __init__(self, *_):
+        self.lock = threading.Lock()
+
+    def update_scene(self, *_):
+        """Draw nothing."""
+
+    def render(self):
+        """A black picture."""
+        return np.zeros((4, 4, 3), np.uint8)
+
+    def close(self):
+        """Let go of nothing."""
+
+
+def test_a_copy_goes_on_as_the_one_that_it_is_of(made, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setattr("mujoco.Renderer", Drawing)
+    env, action = make(made, render_mode="rgb_array"), np.array([0.8, 0.3], np.float32)
+    episode(env, 1, 3)
+    env.render()
+    copies = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+    for _ in range(5):
+        seen, reward, *_ = env.step(action)
+        for one in copies:
+            also, gained, *_ = one.step(action)
+            assert np.array_equal(also["proprioception"], seen["proprioception"])
+            assert gained == reward
+    assert copies[1].render().shape == (4, 4, 3)
+    assert np.array_equal(copies[0].reset()[0]["heights"], env.reset()[0]["heights"])
 
 
 def test_two_in_the_same_world_do_not_meet(made):

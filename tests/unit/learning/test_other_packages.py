@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -121,11 +121,11 @@ def test_isaac_lab_makes_a_grid_of_it(package, tmp_path):
     theirs = isaac_lab(package)
     maker = learning.GroundMaker(recipe=recipe())
 
-    def make(seed):
+    def make(seed, maker=maker, use_cache=False):
         sub = theirs.SubTerrainBaseCfg(function=maker.isaac_lab, size=SIZE)
         order = theirs.TerrainGeneratorCfg(
             seed=seed, size=SIZE, num_rows=2, num_cols=2, border_width=1.0, curriculum=True,
-            color_scheme="none", use_cache=False, cache_dir=str(tmp_path),
+            color_scheme="none", use_cache=use_cache, cache_dir=str(tmp_path),
             sub_terrains={"planetary": sub},
         )  # fmt: skip
         return theirs.TerrainGenerator(order)
@@ -147,6 +147,11 @@ def test_isaac_lab_makes_a_grid_of_it(package, tmp_path):
     assert gap.max() < 0.5
     assert np.array_equal(make(4).terrain_mesh.vertices, generator.terrain_mesh.vertices)
     assert not np.array_equal(make(5).terrain_origins, origins)
+    # The cache knows a function by its name: that of another recipe has another one.
+    makers = maker, learning.GroundMaker(recipe=replace(recipe(), seed=9)), maker
+    grounds = [[make(4, one, cached).terrain_origins for one in makers] for cached in (False, True)]
+    assert not np.array_equal(grounds[0][0], grounds[0][1])
+    assert np.allclose(grounds[0], grounds[1])
 
 
 def test_stable_baselines_steps_several(package, tmp_path):

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
+import pickle
 import re
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import terrain_forge as tf
+from terrain_forge.dtm import RasterDtm
 from terrain_forge.recipe import recipe_from_json, recipe_json, without_paths
 from terrain_forge.terrain import mask_weight
 from tests.helpers.driving_worlds import recipe
@@ -218,6 +222,25 @@ def test_generators_of_others_get_ground_and_origin():
     assert high[:2] == pytest.approx((6.0, 5.0))
     assert place[:2] == pytest.approx((3.0, 2.5))
     assert all(mesh.is_watertight for mesh in meshes[1:])
+
+
+def test_what_isaac_lab_calls_is_named_by_its_recipe(tmp_path):
+    raster = tmp_path / "ground.tif"
+    order = recipe()
+    named = replace(order, dtm=RasterDtm(source="ground.tif", size_m=(6.0, 5.0)))
+
+    def name(order, **more):
+        return learning.GroundMaker(recipe=order, folder=tmp_path, **more).isaac_lab.__name__
+
+    without = name(named)
+    raster.write_bytes(b"one")
+    names = {name(order), name(replace(order, body="moon")), name(order, platform=0.1), name(named)}
+    assert len(names | {without}) == 5
+    os.utime(raster, ns=(1, 1))
+    assert name(named) not in names
+    assert name(recipe()) in names
+    maker = learning.GroundMaker(recipe=order).isaac_lab
+    assert pickle.loads(pickle.dumps(maker)).__name__ == maker.__name__
 
 
 @pytest.mark.parametrize("size", [(6.0, 5.0), (4.1, 4.3)])
