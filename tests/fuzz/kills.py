@@ -183,4 +183,8 @@ def _refusing(number: int, world: Path) -> Callable[[str], None]:
 
 
 def _limited(size: int) -> Callable[[], None]:
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+    def act() -> None:
+        sys.dont_write_bytecode = True  # or Python's own files are cut off too, and stay
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return act

@@ -374,7 +374,8 @@ def test_a_mount_point_is_told():
         require_ours(Path("/proc"))
 
 
-def test_a_limit_on_file_sizes_is_one_line(world):
+def test_a_limit_on_file_sizes_is_one_line(world, monkeypatch):
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")  # or Python's own are cut off too
     before = (world / "manifest.json").read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     ends = []
