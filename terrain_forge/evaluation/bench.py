@@ -245,6 +245,8 @@ def _places(
     require_sensors(recording, adapter)
     require_program(adapter)
     require_ready(adapter)
+    sensors = sensor_places(recording)
+    _true_poses(recording, adapter.frame_of(sensors))  # told before inputs are made
     places: dict[str, Any] = {
         "input": _input(recording, adapter.input, adapter.input_options, inputs, progress),
         "calibration": _input(recording, "calibration", {}, inputs, progress),
@@ -253,11 +255,9 @@ def _places(
         "driver": DRIVERS,
         "binary": adapter.binary,
         "vocabulary": vocabulary_of(adapter) if adapter.needs_vocabulary else "",
-        **sensor_places(recording),
+        **sensors,
     }
-    told = {name: str(place) for name, place in places.items()}
-    _true_poses(recording, adapter.frame_of(told))  # what was not recorded is told before it runs
-    return told
+    return {name: str(place) for name, place in places.items()}
 
 
 def truth_of(recording: Recording, frame: str) -> TimedPoses:

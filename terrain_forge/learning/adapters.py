@@ -169,7 +169,7 @@ class ForIsaacLab:
         told = [__version__, recipe_json(maker.recipe), str(maker.platform)]
         for path in input_paths(maker.recipe, maker.folder):
             told.append(f"{path.resolve()} {path.stat().st_mtime_ns if path.exists() else 0}")
-        return f"isaac_lab_{sha256(chr(10).join(told).encode()).hexdigest()[:16]}"
+        return f"isaac_lab_{sha256(repr(told).encode()).hexdigest()[:16]}"
 
     @checked
     def __call__(self, difficulty: float, cfg: Any) -> tuple[list[Any], Array]:
