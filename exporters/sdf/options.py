@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
@@ -17,6 +17,11 @@ _VERSIONS = {"classic": "1.6", "fortress": "1.9", "garden": "1.10"}
 class Options(Spec):
     """Options of the SDF export."""
 
+    whole_only: ClassVar[tuple[str, ...]] = (
+        *("flavour", "tile_cells", "ground"),
+        *("sensors", "ros_package"),
+    )
+    """Which a site in tiles has not."""
     kind: Literal["sdf"] = "sdf"
     """The exporter, where the export's folder has another name."""
     flavour: Literal["gz", "classic"] = "gz"

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from terrain_forge.exporters.sdf import rocks
 
-from terrain_forge.base import ExportError
 from terrain_forge.geometry import (
     bake_site_tile,
     coarse_shape,
@@ -50,20 +49,8 @@ def _shapes(folder: Path, name: str, options: Options) -> Model:
     return _model(folder / _SHAPES, f"{name}/{_SHAPES}", _SHAPES, options)
 
 
-def _require_meshes(options: Options) -> None:
-    if options.ground != "mesh" or options.flavour == "classic" or options.ros_package:
-        raise ExportError(
-            "a site in tiles is a `gz` world with `ground: mesh` and without `ros_package`"
-        )
-
-
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
-    """Write the shapes and pictures of rocks that all tiles share.
-
-    Raises:
-        ExportError: for options that tiles do not have.
-    """
-    _require_meshes(options)
+    """Write the shapes and pictures of rocks that all tiles share."""
     shapes = _shapes(directory, directory.name, options)
     rocks.write_shapes(world, shapes, close=options.close_within_m > 0.0)
 

@@ -19,6 +19,8 @@ class Options(Spec):
     """About how many bytes it writes for each node of the ground and each rock."""
     bytes_each_texel: ClassVar[float] = 2.3
     """About how many it writes for each pixel of the picture that is the ground's detail."""
+    whole_only: ClassVar[tuple[str, ...]] = ("tile_cells",)
+    """Which a site in tiles has not."""
     kind: Literal["usd"] = "usd"
     """The exporter, where the export's folder has another name."""
     collider_min_m: NotNegative = 0.5

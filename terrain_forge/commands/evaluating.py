@@ -166,6 +166,8 @@ def evaluate(
                 paths[0], maps, area=area, cell=cell, force=force, progress=display
             )
         _tell_maps(scores, out=out)
+        if len(scores) < len(maps):
+            status = WRONG_INPUT
     return status
 
 

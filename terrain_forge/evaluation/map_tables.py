@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,6 +25,7 @@ from terrain_forge.evaluation.map_score import CELL, Area, MapScore, score_map, 
 from terrain_forge.evaluation.tables import MAPS, TABLE, write_table
 from terrain_forge.model import World
 
+_log = logging.getLogger(__name__)
 _HEAD = (
     "map", "area [m]", "cell [m]", "points", "over the ground [m]", "rms [m]", "median [m]",
     "mapped [%]", "within 5 cm [%]", "cell rms [m]", "rock precision [%]", "rock recall [%]",
@@ -51,14 +53,23 @@ def score_maps(
         cell: Size of a cell [m].
         progress: Told of each map, and of the share of the site that is looked at.
 
+    Returns:
+        Scores of the maps that can be read, in their order; of the others a warning says why.
+
     Raises:
-        DataError: for a map that cannot be read, two of one name, or a system that has no score
-            there.
+        DataError: if no map can be read or laid on the world, or two have one name.
     """
-    found: list[MapPoints] = []
-    for told in maps:
-        progress(f"maps: {told}", len(found) / len(maps))
-        found.append(_placed(told, evaluated, world.site.crs))
+    found, failures = list[MapPoints](), list[DataError]()
+    for number, told in enumerate(maps):
+        progress(f"maps: {told}", number / len(maps))
+        try:
+            found.append(_placed(told, evaluated, world.site.crs))
+        except DataError as error:
+            failures.append(error)
+    if failures and not found:
+        raise failures[0]
+    for failure in failures:
+        _log.warning("a map is not scored: %s", failure)
     names = [one.name for one in found]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise DataError(f"--map: two maps are called {twice!r}, by their files: rename one")

@@ -140,7 +140,8 @@ def evaluate_maps(
 ) -> list[MapScore]:
     """Score maps against a built world; where it was recorded, the table lies with its results.
 
-    Scores of other maps, areas and cells stay in that table.
+    Scores of other maps, areas and cells stay in that table. Of a map that cannot be read a warning
+    says why, and the others are scored.
 
     Args:
         out: The built folder.
@@ -151,7 +152,7 @@ def evaluate_maps(
         progress: Called with each stage as it begins.
 
     Raises:
-        DataError: for a map that cannot be read, or an area outside.
+        DataError: if none of the maps can be read, or for an area outside.
         OutputError: if the folder holds no world, the table there cannot be read, or another
             process writes there.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -146,7 +146,8 @@ def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
 
     Raises:
         RecipeError: for tiles that are no whole number of cells, an export that is not made tile
-            by tile or has the name of what a site has, or what needs the whole site.
+            by tile, has the name of what a site has or options of whole worlds, or what needs the
+            whole site.
     """
     for order in orders:
         if why := refused_name(order.folder, RESERVED, "site in tiles"):
@@ -159,6 +160,7 @@ def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
                 "out, and take a part of the built site with `terrain-forge cut`",
                 key=("exports", order.folder),
             )
+        _require_tiled_options(order)
     if recipe.validate is not None and recipe.validate.drives:
         raise RecipeError(
             "drives from random starts are for one world: leave it out, and drive in a part that "
@@ -174,6 +176,17 @@ def require_tiles(recipe: Recipe, orders: Sequence[ExportOrder]) -> None:
                 f"{size:g} m is not a whole number (2 or more) of cells of {spacing:g} m; "
                 f"{nearest:g} m would be",
                 key=("tiles", "size_m"),
+            )
+
+
+def _require_tiled_options(order: ExportOrder) -> None:
+    """Refuse what an exporter can choose for a world alone, but for its default."""
+    usual = {option.name: option.default for option in fields(order.options)}
+    for name in getattr(order.options, "whole_only", ()):
+        if getattr(order.options, name) != usual[name]:
+            raise RecipeError(
+                "has no effect on a site in tiles: leave it out",
+                key=("exports", order.folder, name),
             )
 
 

@@ -103,7 +103,7 @@ def test_points_over_rocks_say_nothing_of_the_ground(world, grid):
     assert score.right == pytest.approx(1.0 - grid.rock.mean())
 
 
-def test_a_systems_map_is_laid_as_its_trajectory_was(world, grid, tmp_path):
+def test_a_systems_map_is_laid_as_its_trajectory_was(world, grid, tmp_path, caplog):
     motion = np.eye(4)
     motion[:3, :3] = 1.25 * Rotation.from_euler("xyz", [0.1, 0.2, 2.0]).as_matrix()
     motion[:3, 3] = 3.0, -4.0, 5.0
@@ -118,6 +118,10 @@ def test_a_systems_map_is_laid_as_its_trajectory_was(world, grid, tmp_path):
     assert (score.name, score.right, score.f1) == ("mine: own", 1.0, 1.0)
     with pytest.raises(DataError, match=r"lost has no score here.*there are: mine"):
         score_maps(world, [f"lost={tmp_path}/own.npy"], **given)
+    (other,) = score_maps(world, [f"lost={tmp_path}/own.npy", f"mine={tmp_path}/own.npy"], **given)
+    assert other == score  # one that cannot be laid does not stop the others
+    assert "a map is not scored: " in caplog.text
+    assert "lost has no score here" in caplog.text
     with pytest.raises(DataError, match="must be west, south, east, north within the site"):
         score_maps(world, [f"{tmp_path}/own.npy"], area=(0, 0, 1e4, 1))
     with pytest.raises(DataError, match="cells of 0 m"):
@@ -308,6 +312,10 @@ def test_the_command_scores_maps_of_a_built_world(world, grid, tmp_path):
     told = json.loads((tmp_path / "told/maps.json").read_text())
     assert (told[0]["right"], told[0]["f1"]) == (1.0, 1.0)
     assert not (tmp_path / "out/dataset").exists()
+    done = run("evaluate", tmp_path / "out", "--map", tmp_path / "none.npy",
+               "--map", tmp_path / "whole.npy", f"--area={area}")  # fmt: skip
+    assert (done.returncode, "none.npy" in done.stderr) == (2, True)
+    assert len(done.stdout.splitlines()) == 2, "the other one is scored"
     done = run("evaluate", tmp_path / "out", "--map", tmp_path / "whole.npy", "--area=1,2")
     assert (done.returncode, "must be 4 numbers" in done.stderr) == (2, True)
 

@@ -272,6 +272,21 @@ def test_drives_from_random_starts_are_refused(copied):
     assert "drive in a part that `terrain-forge cut` takes" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("kind", "option", "value"),
+    [
+        ("sdf", "flavour", "classic"),
+        ("sdf", "ros_package", "true"),
+        ("glb", "lights", "physical"),
+        ("usd", "tile_cells", "48"),
+    ],
+)
+def test_options_that_tiles_have_not_are_refused(recipe, kind, option, value):
+    done = command.run("check", recipe, "--set", f"exports={{{kind}: {{{option}: {value}}}}}")
+    assert done.returncode == 2
+    assert f"exports.{kind}.{option}: has no effect on a site in tiles" in done.stderr
+
+
 def test_check_tells_of_the_horizon(recipe):
     lines = command.run("check", recipe).stdout.splitlines()
     (told,) = [line for line in lines if "horizon  " in line]
