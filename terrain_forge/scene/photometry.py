@@ -49,7 +49,7 @@ def reflected(law: NDArray[np.float64], mu0: float, mu: float, cos_phase: float)
 
 
 def hapke(photometry: Photometry, mu0: ArrayLike, mu: ArrayLike, cos_phase: ArrayLike) -> Array:
-    """Radiance factor of Hapke's law: light that comes back over that of white in the same light.
+    """Radiance factor of Hapke's law: light that comes back over that of white facing the Sun.
 
     Args:
         photometry: The surface's figures.
