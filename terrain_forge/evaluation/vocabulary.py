@@ -124,7 +124,7 @@ def train_vocabulary(
     """A vocabulary of the descriptors of some images, as DBoW2's text; the same each time.
 
     Nodes are clusters under the Hamming distance whose centres are majorities of each bit
-    (k-majority: Grana et al. 2013, doi:10.1117/12.2042599); a word weighs the logarithm of the
+    (k-majority: Grana et al. 2013, Proc. SPIE 8667, 866709); a word weighs the logarithm of the
     images over those in which it is (Gálvez-López & Tardós 2012, doi:10.1109/TRO.2012.2197158).
 
     Args:

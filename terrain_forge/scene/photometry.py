@@ -1,6 +1,6 @@
 """How bright a surface is under the angles of light and look: Hapke's law, and a table for it.
 
-As McEwen 1991 (doi:10.1016/0019-1035(91)90228-U) did for maps: at each phase angle g the lunar-
+As McEwen 1991 (doi:10.1016/0019-1035(91)90053-V) did for maps: at each phase angle g the lunar-
 Lambert law A(g) · 2 μ₀ / (μ₀ + μ) + B(g) · μ₀ that is nearest to Hapke's over the half of a sphere
 that is seen and lit, with cosines μ₀ of incidence and μ of emission. Its mean error is 3 to 5 %.
 The opposition surge is all in A and B. Divided by μ₀ it is reciprocal, whatever the figures.
@@ -49,7 +49,7 @@ def reflected(law: NDArray[np.float64], mu0: float, mu: float, cos_phase: float)
 
 
 def hapke(photometry: Photometry, mu0: ArrayLike, mu: ArrayLike, cos_phase: ArrayLike) -> Array:
-    """Radiance factor of Hapke's law: light that comes back over that of white in the same light.
+    """Radiance factor of Hapke's law: light that comes back over that of white facing the Sun.
 
     Args:
         photometry: The surface's figures.

@@ -59,7 +59,7 @@ class Curve(Record):
     Its controls are samples corrected by a quarter of their second difference, which cancels the
     spline's own smoothing to the fourth order and, unlike interpolation, does not ring where the
     samples have a corner (quasi-interpolation: de Boor & Fix
-    1973, doi:10.1016/0021-9045(73)90006-3).
+    1973, Journal of Approximation Theory 8, 19).
     """
 
     begin: float

@@ -95,7 +95,7 @@ def test_its_constants_are_possible(body):
         assert (np.diff(law.number(sizes)) < 0.0).all()
         # N(1 km) after 10⁹ years is what the chronology says.
         wanted = 1e-6 * one.chronology.number(1.0)
-        assert law.number(np.array([1000.0]))[0] == pytest.approx(wanted, rel=0.2)
+        assert law.number(np.array([1000.0]))[0] == pytest.approx(wanted, rel=2e-3)
         assert one.source
     astronomical_units = np.sqrt(1361.0 / body.solar_irradiance)
     assert body.sun_diameter == pytest.approx(0.0093 / astronomical_units, rel=0.01)

@@ -36,7 +36,7 @@ from terrain_forge.model.body import (
 )
 from terrain_forge.model.orbit import Ephemeris, KeplerOrbit, Rotation
 
-_HARTMANN_NEUKUM = Chronology(burst=3.22e-14, steady=4.875e-4)
+_IVANOV = Chronology(burst=2.68e-14, steady=4.13e-4)
 
 MARS = Body(
     name="mars",
@@ -71,7 +71,7 @@ MARS = Body(
         shallow=(0.25, 250.0),
         equilibrium="hartmann",
         bright_ejecta=False,
-        chronology=_HARTMANN_NEUKUM,
+        chronology=_IVANOV,
         productions=(
             ProductionFunction(
                 kind="ivanov",
@@ -80,9 +80,8 @@ MARS = Body(
                     *(0.1015683, 0.06755923, -0.01180639, -0.004753462, 6.232845e-4, 5.805492e-5),
                 ),
                 range_km=(0.015, 362.0),
-                chronology=_HARTMANN_NEUKUM,
-                source="Ivanov 2001, doi:10.1023/A:1011941121102; ages by Hartmann & Neukum 2001, "
-                "doi:10.1023/A:1011945222010",
+                chronology=_IVANOV,
+                source="Ivanov 2001, doi:10.1023/A:1011941121102, numbers and ages",
             ),
             ProductionFunction(
                 kind="hartmann_daubar",

@@ -53,14 +53,15 @@ class _Preset:
 # Landing sites: exponents, the middle of their ranges, and RMS deviations at 1 m of Shepard,
 # Seelos, Arvidson & Haldemann, "The Roughness of the Martian Surface"; of Viking 2 they have one
 # profile of 6 m and no deviation: Viking 1's is assumed. Moon: exponents and median slopes at
-# 17 m, 2.0° and 7.5°, of Rosenburg et al. 2011 (doi:10.1029/2010JE003716); a median slope is 0.674
-# of the RMS slope.
+# 17 m, 2.0° and 7.5°, of Rosenburg et al. 2011 (doi:10.1029/2010JE003716). Shots lie 57 m
+# apart, so these are of planes through three spots of one shot (√½ · 25 m is 17.7 m): their median
+# is √(2 ln 2) times the RMS slope along a line.
 PRESETS = {
     "pathfinder": _Preset(hurst=0.57, deviation=0.0959),
     "viking_1": _Preset(hurst=0.65, deviation=0.0865),
     "viking_2": _Preset(hurst=0.8, deviation=0.0865),
-    "lunar_mare": _Preset(hurst=0.76, deviation=0.102),
-    "lunar_highlands": _Preset(hurst=0.95, deviation=0.226),
+    "lunar_mare": _Preset(hurst=0.76, deviation=0.0585),
+    "lunar_highlands": _Preset(hurst=0.95, deviation=0.129),
 }
 
 

@@ -60,6 +60,13 @@ def test_chronologies():
         assert found == pytest.approx(wanted, rel=1e-9)
 
 
+def test_mars_has_as_many_craters_as_ivanov_says():
+    """N(1 km) after 1, 3 and 3.8 Ga, 2.68e-14 (exp(6.93 T) - 1) + 4.13e-4 T (Ivanov 2001)."""
+    for age, per_km2 in ((1.0, 4.130e-4), (3.0, 1.2676e-3), (3.8, 8.895e-3)):
+        law = BodyProduction(kind="ivanov", age_ga=age).law(MARS)
+        assert law.number(np.array([1000.0]))[0] == pytest.approx(KM2 * per_km2, rel=2e-3)
+
+
 def test_equilibrium_laws():
     at = np.array([1.0, 10.0])
     assert LIMITS["trask"].number(at) == pytest.approx([0.0794328, 794.33e-6], rel=1e-5)
