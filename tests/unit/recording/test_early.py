@@ -49,6 +49,13 @@ def test_a_path_shorter_than_a_frame_is_refused(told):
         told(0.2)
 
 
+def test_a_path_shorter_than_its_ramps_is_refused(told):
+    with pytest.raises(RecipeError, match="'ahead' lasts 4 s, starting and stopping takes 5 s"):
+        told(6, "ramp_s: 0", "ramp_s: 5")
+    told(6, "ramp_s: 0", "ramp_s: 5, motion: drive")  # which starts as it does
+    told(6, "ramp_s: 0", "ramp_s: 3.9")
+
+
 def test_a_path_longer_than_a_frame_has_a_cost(told):
     assert "4 s, 2 measurements" in told(0.3)
     quick = told(6, "dataset: {", "dataset: {profile: quick, ")
