@@ -197,7 +197,7 @@ def require_long_enough(site: Site, sensors: Sequence[Sensor]) -> None:
     length = None if spec is None else _length(site, spec)
     if spec is None or length is None:
         return
-    alone = length - 2.0 * spec.still_s - spec.ramp_s
+    alone = length - _beside(spec)
     if spec.motion == "path" and alone < spec.ramp_s:
         raise RecipeError(
             f"path {_path(site, spec)!r} lasts {alone:.3g} s, starting and stopping takes "
@@ -217,7 +217,12 @@ def require_long_enough(site: Site, sensors: Sequence[Sensor]) -> None:
 def _length(site: Site, spec: DatasetSpec) -> float | None:
     """How long the motion lasts [s]; None along a path that is planned on the finished ground."""
     length = next((duration(one) for one in site.routes if one.name == _path(site, spec)), None)
-    return None if length is None else length + 2.0 * spec.still_s + spec.ramp_s
+    return None if length is None else length + _beside(spec)
+
+
+def _beside(spec: DatasetSpec) -> float:
+    """What a motion lasts longer than its path [s]: a drive ends as it arrives."""
+    return spec.still_s if spec.motion == "drive" else 2.0 * spec.still_s + spec.ramp_s
 
 
 def _recorded(sensors: Sequence[Sensor], spec: DatasetSpec) -> list[Sensor]:
