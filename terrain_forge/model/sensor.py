@@ -6,12 +6,21 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_type_hints
 
 import numpy as np
 from annotated_types import Interval
 
-from terrain_forge.base import Array, Coordinate, FileName, Record, Spec, hint_at, parts
+from terrain_forge.base import (
+    Array,
+    Coordinate,
+    FileName,
+    RecipeError,
+    Record,
+    Spec,
+    hint_at,
+    parts,
+)
 
 Angle = Annotated[float, Interval(ge=-360, le=360)]
 Near = Annotated[float, Interval(ge=0.005, le=10)]
@@ -85,8 +94,15 @@ class Topic(NamedTuple):
     """Type of the ROS message that the bridge makes of them."""
 
 
+class _Preset(type):
+    """Of a sensor that is made in Python its preset fills in what is not given, as in a recipe."""
+
+    def __call__(cls, **given: Any) -> Any:
+        return super().__call__(**{**_figures(cls, given.get("preset") or ""), **given})
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sensor(Record, Spec):
+class Sensor(Record, Spec, metaclass=_Preset):
     """A sensor and where it sits; a kind is a subclass with a literal `kind` and its figures.
 
     It is a part of a recipe and of the rover that carries it at once: one description, which the
@@ -144,12 +160,9 @@ class Sensor(Record, Spec):
         given = _with_tuples(given)  # pydantic takes what comes here for Python's, no longer JSON's
         if not (name := given.get("preset")):
             return given
-        if not isinstance(name, str) or name not in cls.PRESETS:
+        if text := _unknown(cls, name):
             from pydantic_core import PydanticCustomError, ValidationError
 
-            hint = hint_at(str(name), cls.PRESETS)
-            known = ", ".join(cls.PRESETS) or "none"
-            text = f"unknown preset {name!r}{hint}, there are: {known}"
             why = PydanticCustomError("unknown_preset", "{text}", {"text": text})
             raise ValidationError.from_exception_data(
                 cls.__name__, [{"type": why, "loc": ("preset",), "input": name}]
@@ -214,6 +227,27 @@ class Sensor(Record, Spec):
             far: How far a camera shall see [m].
         """
         return None
+
+
+def _unknown(kind: type[Sensor], preset: Any) -> str:
+    """What is wrong with the name of a preset; empty where it is known."""
+    if isinstance(preset, str) and preset in kind.PRESETS:
+        return ""
+    known = ", ".join(kind.PRESETS) or "none"
+    return f"unknown preset {preset!r}{hint_at(str(preset), kind.PRESETS)}, there are: {known}"
+
+
+@cache
+def _figures(kind: Any, preset: str) -> Mapping[str, Any]:
+    """What a preset of a kind says, as values of its fields."""
+    if not preset:
+        return {}
+    if text := _unknown(kind, preset):
+        raise RecipeError(text, key=("preset",))
+    from pydantic import TypeAdapter
+
+    types, told = get_type_hints(kind, include_extras=True), _with_tuples(kind.PRESETS[preset])
+    return {name: TypeAdapter(types[name]).validate_python(told[name]) for name in told}
 
 
 def _with_tuples(value: Any) -> Any:

@@ -21,8 +21,8 @@ class DatasetSpec(Spec):
     """How the rover moves: `path`, as the path says, without a jolt; `drive`, as the rover with its
     suspension drives along it in the simulation."""
     still_s: Annotated[float, Interval(ge=0, le=3600)] = 3.0
-    """How long it stands before it starts, and after it stopped [s]; systems with an IMU need it to
-    begin with."""
+    """How long it stands before it starts and, at the end of a path that nothing drives, after it
+    stopped [s]; systems with an IMU need it to begin with."""
     ramp_s: Annotated[float, Interval(ge=0, le=60)] = 2.0
     """How long it takes to start and to stop along a path [s]."""
     tracks: Literal["behind", "none"] = "behind"

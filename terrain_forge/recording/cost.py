@@ -191,12 +191,19 @@ def require_long_enough(site: Site, sensors: Sequence[Sensor]) -> None:
     """Refuse a recording that ends before one of its pictures or sweeps is done.
 
     Raises:
-        RecipeError: names the path and the sensor.
+        RecipeError: names the path and the sensor, or how long it takes to start and to stop.
     """
     spec, kinds = site.recipe.dataset, instrument_kinds()
     length = None if spec is None else _length(site, spec)
     if spec is None or length is None:
         return
+    alone = length - _beside(spec)
+    if spec.motion == "path" and alone < spec.ramp_s:
+        raise RecipeError(
+            f"path {_path(site, spec)!r} lasts {alone:.3g} s, starting and stopping takes "
+            f"{spec.ramp_s:g} s",
+            key=("dataset", "ramp_s"),
+        )
     for one in _recorded(sensors, spec):
         takes = 1.0 / _rate(one, spec)
         if issubclass(kinds[one.kind], Frames) and length < takes:
@@ -210,7 +217,12 @@ def require_long_enough(site: Site, sensors: Sequence[Sensor]) -> None:
 def _length(site: Site, spec: DatasetSpec) -> float | None:
     """How long the motion lasts [s]; None along a path that is planned on the finished ground."""
     length = next((duration(one) for one in site.routes if one.name == _path(site, spec)), None)
-    return None if length is None else length + 2.0 * spec.still_s + spec.ramp_s
+    return None if length is None else length + _beside(spec)
+
+
+def _beside(spec: DatasetSpec) -> float:
+    """What a motion lasts longer than its path [s]: a drive ends as it arrives."""
+    return spec.still_s if spec.motion == "drive" else 2.0 * spec.still_s + spec.ramp_s
 
 
 def _recorded(sensors: Sequence[Sensor], spec: DatasetSpec) -> list[Sensor]:

@@ -82,7 +82,7 @@ def write_formats(
         if report.losses:
             losses[name] = tuple(report.losses)
         made[name] = told | {"sensors": sensors}
-        store.put(FORMATS, (json.dumps(made, indent=1) + "\n").encode())
+        store.put(FORMATS, (json.dumps(dict(sorted(made.items())), indent=1) + "\n").encode())
     return losses
 
 

@@ -156,7 +156,7 @@ def motion_of_path(trajectory: Trajectory, *, still: float = 0.0, ramp: float = 
             to begin and end at the path's own speed, for `still` of 0.
 
     Raises:
-        DataError: if the path is shorter than two ramps.
+        DataError: if the path lasts shorter than a ramp.
     """
     length = float(trajectory.time[-1] - trajectory.time[0])
     if still > 0.0 or ramp > 0.0:

@@ -49,6 +49,19 @@ def test_a_path_shorter_than_a_frame_is_refused(told):
         told(0.2)
 
 
+def test_a_path_shorter_than_its_ramps_is_refused(told):
+    with pytest.raises(RecipeError, match="'ahead' lasts 4 s, starting and stopping takes 5 s"):
+        told(6, "ramp_s: 0", "ramp_s: 5")
+    told(6, "ramp_s: 0", "ramp_s: 5, motion: drive")  # which starts as it does
+    told(6, "ramp_s: 0", "ramp_s: 3.9")
+
+
+def test_a_drive_lasts_as_long_as_its_path_after_it_stood(told):
+    assert "14 s, 15 measurements" in told(1, "still_s: 0, ramp_s: 0", "still_s: 4, ramp_s: 2")
+    drive = "still_s: 4, ramp_s: 2, motion: drive"
+    assert "8 s, 9 measurements" in told(1, "still_s: 0, ramp_s: 0", drive)
+
+
 def test_a_path_longer_than_a_frame_has_a_cost(told):
     assert "4 s, 2 measurements" in told(0.3)
     quick = told(6, "dataset: {", "dataset: {profile: quick, ")

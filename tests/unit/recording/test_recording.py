@@ -546,6 +546,16 @@ def test_a_part_leaves_out_formats_of_the_recipe_that_it_cannot_have(world, tmp_
     assert tf.record(wanting, tmp_path, end=2.0).losses == {"counts": ("All else.",)}
 
 
+def test_the_order_in_which_formats_were_made_is_told_nowhere(world, tmp_path, monkeypatch):
+    install(monkeypatch, counts=Counting, tum=Deep)
+    tf.record(world, tmp_path / "later", end=2.0, formats=("tum",))
+    late, once = (
+        files(tf.record(world, tmp_path / out, end=2.0, formats=("counts", "tum")).folder)
+        for out in ("later", "once")
+    )
+    assert late == once
+
+
 def test_a_quick_look_is_every_few_of_the_same_measurements(world, tmp_path):
     rover = world.rover
     often = world.replace(
