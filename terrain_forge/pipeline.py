@@ -46,7 +46,7 @@ from terrain_forge.terminal import watched
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
 """Stages until there is a world."""
 ASSESSING = "validation", "report page", "manifest"
-STAGES = ("compile", *MAKING, "writing", *ASSESSING)
+STAGES = ("plan", "compile", *MAKING[1:], "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
@@ -208,7 +208,7 @@ def write_world(
     removed = building.told_files(out, building.require_ours(out, force=force))
     world = world.alone()
     with (
-        watched(progress, STAGES[len(MAKING) :]) as watch,
+        watched(progress, ("writing", *ASSESSING)) as watch,
         building.replacing(out, force=force) as directory,
     ):
         written, passed = _write_whole(world, directory, orders=orders, watch=watch)

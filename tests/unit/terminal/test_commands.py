@@ -65,7 +65,7 @@ def test_a_build_ends_with_verdict_size_time_and_what_comes_next(built):
     assert told[4] == "    Maps: qgis geotiff/elevation.tif"
     stages = [re.fullmatch(r"terrain-forge: \d:\d\d ([\w ]+)", s) for s in done.stderr.split("\n")]
     told = [stage[1] for stage in stages if stage and stage[1] != "compile"]  # only a first build
-    assert ["compile", *told] == [*tf.pipeline.STAGES]
+    assert told == [stage for stage in tf.pipeline.STAGES if stage != "compile"]
 
 
 @pytest.mark.slow
