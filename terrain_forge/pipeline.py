@@ -170,7 +170,8 @@ def build(
         with building.replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
-        building.learn(expected, watch.seconds, watch.work)
+        driven = building.drive_seconds(site)
+        building.learn(expected, watch.seconds, watch.work, driven=driven)
     return building.BuildResult(
         directory=out, world=world, passed=passed, exports=exports, removed=removed
     )
