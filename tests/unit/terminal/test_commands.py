@@ -17,6 +17,7 @@ import terrain_forge as tf
 from terrain_forge.cli import cli
 from terrain_forge.recipe import json_schema, starters
 from terrain_forge.terminal import Number, names_of, say
+from terrain_forge.terrain import slope_statistics
 from tests.helpers.command_line import run
 from tests.helpers.places import ROOT
 
@@ -114,6 +115,17 @@ def test_preview_draws_and_exports_nothing(recipe, tmp_path):
         assert re.search(rf"^  {line}", done.stdout, re.MULTILINE), done.stdout
     assert done.stdout.splitlines()[-1].endswith("look.png")
     assert run("preview", recipe, "-o", tmp_path / "look.png").returncode == 0
+
+
+def test_preview_tells_the_slope_that_the_report_page_has(tmp_path):
+    (tmp_path / "rough.yaml").write_text(
+        "schema: 1\nname: rough\nseed: 1\nbody: mars\ndtm: {kind: flat, size_m: [8, 8]}\n"
+        "terrain: {spacing_m: 0.1, layers: [{kind: fractal, deviation_1m_m: 0.05, hurst: 0.6}]}\n"
+    )
+    done = run("preview", tmp_path / "rough.yaml", "-o", tmp_path / "look.png")
+    ground = tf.realise(tf.plan(tmp_path / "rough.yaml"), horizon=False).ground
+    steepest = slope_statistics(ground).steepest_deg
+    assert f"{steepest:.1f}° at its steepest" in done.stdout, done.stderr
 
 
 def test_a_first_preview_tells_that_it_compiles(recipe, tmp_path, monkeypatch):
