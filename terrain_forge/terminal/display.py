@@ -37,7 +37,7 @@ class Display:
     def __init__(self, stages: Sequence[str]) -> None:
         self._stages = list(stages)
         self._stage = self._part = ""
-        self._share = self._most = 0.0
+        self._share = self._part_share = self._most = 0.0
         self._begun = self._since = self._part_since = time.monotonic()
         self._end = 0.0
         self._expected: Mapping[str, float] = {}
@@ -63,7 +63,7 @@ class Display:
         name = stage.partition(": ")[0]
         part = re.split(r"\d", stage)[0]  # figures change as it goes on
         if part != self._part:
-            self._part, self._part_since = part, time.monotonic()
+            self._part, self._part_since, self._part_share = part, time.monotonic(), share
         if name != self._stage:
             self._stage, self._since = name, self._part_since
             if not self._bar:
@@ -92,17 +92,18 @@ class Display:
     @property
     def left(self) -> float | None:
         """Time that is left [s], where it can be told; it ticks down between reports."""
-        last = self._share > 0.0 and self._stages[-1:] == [self._stage]
+        last = self._share > self._part_share and self._stages[-1:] == [self._stage]
         return max(self._end - time.monotonic(), 0.0) if self._expected or last else None
 
     def _rest(self) -> float:
         """Time that is left [s]: what was expected, and ever more the pace so far."""
         now = time.monotonic()
         rest = max(self._expected.get(self._stage, 0.0) - (now - self._since), 0.0)
-        if self._share > 0.0:
-            paced = (now - self._part_since) * (1.0 - self._share) / self._share
-            known = 1.0 - self._share if self._stage in self._expected else 0.0
-            rest = known * rest + (1.0 - known) * paced
+        rest *= 1.0 - self._share
+        made = self._share - self._part_share
+        if made > 0.0:
+            paced = (now - self._part_since) * (1.0 - self._share) / made
+            rest += (self._share if self._stage in self._expected else 1.0) * paced
         return rest + sum(self._expected.get(stage, 0.0) for stage in self._later())
 
     def _later(self) -> list[str]:
@@ -113,7 +114,7 @@ class Display:
     def _done(self) -> float:
         """Share of the work that is done, 0 to 1."""
         left = self.left
-        if left is not None:
+        if left is not None and self._expected:
             return self.elapsed / max(self.elapsed + left, 1e-9)
         if self._stage not in self._stages:
             return self._most

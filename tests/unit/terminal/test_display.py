@@ -130,6 +130,18 @@ def test_figures_that_change_do_not_begin_the_pace_anew(monkeypatch):
     now[0] = 30.0
     progress("recording: 100 of 300, 3.33 a second", 0.25)
     assert progress.left == 90.0  # of the last stage, though nothing was expected
+    assert progress._done() == 0.625
+
+
+def test_what_was_there_before_has_no_pace(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(("download",))
+    progress("download: 50 MB of 100 MB", 0.5)
+    assert progress.left is None
+    now[0] = 10.0
+    progress("download: 60 MB of 100 MB", 0.6)
+    assert progress.left == pytest.approx(40.0)
 
 
 def test_a_line_beside_a_bar_is_given_to_it(monkeypatch):
