@@ -113,9 +113,10 @@ class Display:
 
     def _done(self) -> float:
         """Share of the work that is done, 0 to 1."""
-        left = self.left
-        if left is not None and self._expected:
-            return self.elapsed / max(self.elapsed + left, 1e-9)
+        if self._stage in self._expected:
+            untold = sum(stage not in self._expected for stage in self._later())
+            part = self.elapsed / max(self.elapsed + (self.left or 0.0), 1e-9)
+            return part * (1.0 - untold / len(self._stages))
         if self._stage not in self._stages:
             return self._most
         return min(1.0 - (len(self._later()) + 1.0 - self._share) / len(self._stages), 1.0)

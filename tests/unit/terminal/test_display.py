@@ -133,6 +133,20 @@ def test_figures_that_change_do_not_begin_the_pace_anew(monkeypatch):
     assert progress._done() == 0.625
 
 
+def test_stages_of_which_no_time_is_known_keep_their_part_of_the_bar(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(("load", "recording", "tables", "page"))
+    progress("load")
+    progress.expect({"recording": 10.0})
+    progress("recording")
+    now[0] = 10.0
+    progress("recording", 1.0)
+    assert progress._done() == 0.5
+    progress("page")
+    assert progress._done() == 0.75
+
+
 def test_what_was_there_before_has_no_pace(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
