@@ -171,7 +171,7 @@ def build(
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
         driven = building.drive_seconds(site)
-        building.learn(expected, watch.seconds, watch.work, driven=driven)
+        building.learn(expected, watch.seconds, watch.work, driven=driven, passed=passed)
     return building.BuildResult(
         directory=out, world=world, passed=passed, exports=exports, removed=removed
     )

@@ -127,19 +127,23 @@ def learn(
     work: Mapping[str, float],
     *,
     driven: float = 0.0,
+    passed: bool = True,
 ) -> None:
     """Take note of how long expected stages took [s]; what compiled anything is no measure.
 
     Of a validation `driven` [s] are expected to be the drives', and what is beyond the rest tells
-    of these alone: checks and drives are not slower by the same. Where a stage took longer than
-    the processors worked for it, the machine was busy with other things. Half of what was found
-    counts, lest one build spoils the next estimates.
+    of these alone: checks and drives are not slower by the same. Where not all `passed`, a drive
+    may have ended early: the validation is no measure. Where a stage took longer than the
+    processors worked for it, the machine was busy with other things. Half of what was found counts,
+    lest one build spoils the next estimates.
     """
     slower, stages = _machine()
     if cache_folder() is None or "compile" in taken:
         return
     known = {**expected, "drive": driven}
     times = {stage: min(taken[stage], work.get(stage, math.inf)) for stage in taken}
+    if not passed:
+        times.pop("validation", None)
     if driven and "validation" in times:
         times["drive"] = times.pop("validation") - (expected["validation"] - driven)
     for stage, seconds in times.items():

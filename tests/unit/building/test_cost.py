@@ -93,6 +93,9 @@ def test_checks_and_drives_teach_apart(tmp_path, monkeypatch):
     rate = pace() * (DRIVING * 90.0 * DETOUR + FILMING)
     assert driven == pytest.approx(rate, rel=0.1)
     expected, taken = {"validation": checks + driven}, {"validation": checks + 4.0 * driven}
+    early = {"validation": checks + 0.3 * driven}
+    learn(expected, early, early, driven=driven, passed=False)
+    assert drive_seconds(site) == driven
     learn(expected, taken, taken, driven=driven)
     assert drive_seconds(site) == pytest.approx(2.0 * driven, rel=0.01)  # half of it is believed
     assert stage_seconds(site, [])["validation"] - 2.0 * driven == pytest.approx(checks, rel=0.01)
