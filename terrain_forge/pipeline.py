@@ -46,7 +46,7 @@ from terrain_forge.terminal import watched
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
 """Stages until there is a world."""
 ASSESSING = "validation", "report page", "manifest"
-STAGES = ("compile", *MAKING, "writing", *ASSESSING)
+STAGES = ("plan", "compile", *MAKING[1:], "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""
@@ -170,7 +170,8 @@ def build(
         with building.replacing(out, force=force) as directory:
             world = realise(site, progress=watch)
             exports, passed = _write_whole(world, directory, orders=orders, watch=watch)
-        building.learn(expected, watch.seconds, watch.work)
+        driven = building.drive_seconds(site)
+        building.learn(expected, watch.seconds, watch.work, driven=driven, passed=passed)
     return building.BuildResult(
         directory=out, world=world, passed=passed, exports=exports, removed=removed
     )
@@ -208,7 +209,7 @@ def write_world(
     removed = building.told_files(out, building.require_ours(out, force=force))
     world = world.alone()
     with (
-        watched(progress, STAGES[len(MAKING) :]) as watch,
+        watched(progress, ("writing", *ASSESSING)) as watch,
         building.replacing(out, force=force) as directory,
     ):
         written, passed = _write_whole(world, directory, orders=orders, watch=watch)

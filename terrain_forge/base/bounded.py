@@ -90,7 +90,8 @@ def _meant(path: Path) -> str:
     try:
         beside = islice(path.parent.iterdir(), _BESIDE)
         names = sorted({file.name for file in beside} - {path.name})
-        return hint_at(path.name, names, alike=_ALIKE)
+        longer = [name for name in names if name.startswith(f"{path.name}.")]
+        return hint_at(path.name, longer or names, alike=0.0 if longer else _ALIKE)
     except OSError:
         return ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ Progress = Callable[[str, float], None]
 """Called with the name of each stage as it begins, and the share of it that is done, 0 to 1.
 
 After the name and `: ` may stand what the stage is busy with. If it has a method `expect`, that is
-told how long each stage is expected to take [s]."""
+told how long each stage is expected to take [s]; if `follow`, the stages where they turn out to be
+others."""
 
 
 def silent(stage: str, share: float) -> None:
@@ -53,6 +54,12 @@ class Stopwatch:
         told = getattr(self._progress, "expect", None)
         if told is not None:
             told(seconds)
+
+    def follow(self, stages: Sequence[str]) -> None:
+        """Tell which stages there are, where the progress wants to know."""
+        told = getattr(self._progress, "follow", None)
+        if told is not None:
+            told(stages)
 
     def timed(self, name: str, task: Callable[[], Any]) -> Any:
         """Carry out a task that others may run beside, and note its wall time."""

@@ -5,6 +5,7 @@ from .checking import dtm_lines as dtm_lines
 from .checking import fetch_lines as fetch_lines
 from .checking import site_lines as site_lines
 from .cost import calibrated as calibrated
+from .cost import drive_seconds as drive_seconds
 from .cost import learn as learn
 from .cost import pace as pace
 from .cost import series_line as series_line

@@ -62,10 +62,10 @@ CONSUMER = 3.0
 """Time that an export's own programs take to begin [s]."""
 OTHER_SIZE = (100, 4000)
 """Bytes of an export for each node and rock whose options have no `bytes_each`."""
-PICTURES = 6e6
-"""Bytes of an export's textures and horizon."""
-WORLD_SIZE, WORLD_SIZES = 12e6, (30, 400)
-"""Bytes of all but the exports, and what each node and rock adds to them."""
+PICTURES, HORIZON = 1.5e6, 4.5e6
+"""Bytes of an export's textures, and of its horizon."""
+WORLD_SIZE, WORLD_SIZES = 5.8e6, (3.9e5, 30, 400)
+"""Bytes of all but the exports, and what each shape, node and rock adds to them."""
 DETAIL = 4
 """Bytes that a world keeps for each pixel of a detail image, beside the image itself."""
 HELD, DRIVEN = 0.4, 0.15e9
@@ -76,8 +76,9 @@ DETOUR = 1.2
 """Length of a planned path over that of the straight lines between its places."""
 TILE, TILE_WRITING = (0.3, 1.3e-6, 6e-5, 0.12), 5e-9
 """Processor time of a tile, of each of its nodes, rocks and exports, and to write a byte [s]."""
-TILE_SIZE, TILE_PICTURE = (5e4, 9.5, 210), 8e5
-"""Bytes of a tile, of each of its nodes and rocks but for exports, and of an export's pictures."""
+SITE_SIZE, TILE_SIZE, TILE_PICTURE = 12e6, (5e4, 9.5, 210), 8e5
+"""Bytes of a site in tiles, of a tile and each of its nodes and rocks but for exports, and of an
+export's pictures of a tile."""
 FAR_PATH, FAR_PLAN = 0.011, 0.015
 """Time for each metre of a path over tiles, and to find it where it is planned [s]."""
 SERIES_TIME, SERIES_SIZE = (0.12, 1.2e-6, 8e-5), (1.1e6, 30, 100)
@@ -121,20 +122,33 @@ def _measured() -> float:
 
 
 def learn(
-    expected: Mapping[str, float], taken: Mapping[str, float], work: Mapping[str, float]
+    expected: Mapping[str, float],
+    taken: Mapping[str, float],
+    work: Mapping[str, float],
+    *,
+    driven: float = 0.0,
+    passed: bool = True,
 ) -> None:
     """Take note of how long expected stages took [s]; what compiled anything is no measure.
 
-    Where a stage took longer than the processors worked for it, the machine was busy with other
-    things. Half of what was found counts, lest one build spoils the next estimates.
+    Of a validation `driven` [s] are expected to be the drives', and what is beyond the rest tells
+    of these alone: checks and drives are not slower by the same. Where not all `passed`, a drive
+    may have ended early: the validation is no measure. Where a stage took longer than the
+    processors worked for it, the machine was busy with other things. Half of what was found counts,
+    lest one build spoils the next estimates.
     """
     slower, stages = _machine()
     if cache_folder() is None or "compile" in taken:
         return
-    for stage in taken:
-        seconds = min(taken[stage], work.get(stage, math.inf))
-        if stage in expected and stage != LIBRARY and seconds >= SHORTEST:
-            part = stages.get(stage, 1.0) * (seconds / expected[stage]) ** 0.5
+    known = {**expected, "drive": driven}
+    times = {stage: min(taken[stage], work.get(stage, math.inf)) for stage in taken}
+    if not passed:
+        times.pop("validation", None)
+    if driven and "validation" in times:
+        times["drive"] = times.pop("validation") - (expected["validation"] - driven)
+    for stage, seconds in times.items():
+        if stage in known and stage != LIBRARY and seconds >= SHORTEST:
+            part = stages.get(stage, 1.0) * (seconds / known[stage]) ** 0.5
             stages[stage] = min(max(part, 1.0 / FARTHEST), FARTHEST)
     _keep(slower, stages)
 
@@ -185,13 +199,19 @@ def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]
         "rocks": 0.35 + rocks / 60e3 + dynamic * SETTLING,
         "paths": 0.05 + 0.1 * len(site.routes),
         "writing": SHARED * written + _pictures(orders) + _near_paths(orders, site)[0],
-        "validation": SHARED * read + watched + _drives(site),
+        "validation": SHARED * read + watched,
         "report page": 0.65 + nodes / 5e6,
         "manifest": 0.05 + exported / 1.5e9,
     }
     if recipe.validate and recipe.validate.consumers == "all":
         stages["validation"] += CONSUMER * len(orders) + 2 * exported * READING
-    return calibrated(stages)
+    told = calibrated(stages)
+    return told | {"validation": told["validation"] + drive_seconds(site)}
+
+
+def drive_seconds(site: Site) -> float:
+    """Time that driving takes on this machine [s]."""
+    return calibrated({"drive": _drives(site)})["drive"]
 
 
 def _tiled_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
@@ -250,7 +270,9 @@ def _bytes_each(order: ExportOrder) -> tuple[float, ...]:
 def exported_bytes(orders: Sequence[ExportOrder], site: Site) -> float:
     """Bytes of all exports."""
     pictured = sum(hasattr(order.options, "texture_pixels") for order in orders)
-    pictures = PICTURES if site.recipe.tiles is None else TILE_PICTURE * _tiles_of(site)
+    pictures = PICTURES + (0.0 if site.recipe.horizon.reach_m == 0.0 else HORIZON)
+    if site.recipe.tiles is not None:
+        pictures = TILE_PICTURE * _tiles_of(site)
     each_texel = sum(_bytes_each(order)[-1] for order in orders)
     each = (export_bytes(order, site) for order in orders)
     near = _near_paths(orders, site)[1]
@@ -306,10 +328,11 @@ def cost_line(site: Site, orders: Sequence[ExportOrder]) -> str:
     dynamic = expected_dynamic(recipe.rocks.populations, size=site.size)
     seconds = sum(stage_seconds(site, orders).values())
     exported = exported_bytes(orders, site)
-    disk = WORLD_SIZE + _sum(WORLD_SIZES, (nodes, rocks)) + _site_bytes(site) + exported
+    each = recipe.rocks.library.shapes, nodes, rocks
+    disk = WORLD_SIZE + _sum(WORLD_SIZES, each) + _site_bytes(site) + exported
     if recipe.tiles is not None:
         amounts = _tiles_of(site), nodes, rocks
-        disk = WORLD_SIZE + _sum(TILE_SIZE, amounts) + _site_bytes(site) + exported
+        disk = SITE_SIZE + _sum(TILE_SIZE, amounts) + _site_bytes(site) + exported
     settled = f" ({dynamic:.0f} dynamic)" if dynamic else ""
     told = f"{nodes / 1e6:.2g} M nodes, {rocks / 1e3:.2g} k rocks{settled}: about "
     if recipe.tiles is not None:

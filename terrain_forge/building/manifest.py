@@ -6,9 +6,10 @@ import errno
 import json
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Any, NoReturn
 
 from terrain_forge import __version__
@@ -90,6 +91,17 @@ def write_manifest(
     return write_whole(directory / NAME, text + "\n")
 
 
+def _meant(path: Path) -> str:
+    """What to name instead of a path that is no folder of ours; empty where nothing is known."""
+    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+        return f": `terrain-forge build {quote(path.name)}` makes one"
+    with suppress(OSError):
+        for one in sorted(path.glob("*")):
+            if (one / NAME).is_file():
+                return f": name one in it, such as {one.name}"
+    return ""
+
+
 def _origins(dtm: dict[str, Any]) -> dict[str, Any]:
     """Where a terrain model comes from that the recipe names by product or address."""
     found = origin(dtm)
@@ -104,7 +116,8 @@ def read_manifest(directory: Path, *, holds: str = WORLD) -> Manifest:
     """
     try:
         if not (directory / NAME).is_file():
-            raise OutputError(f"{directory} is not a terrain-forge {holds} (no {NAME})")
+            told = f"{directory} is not a terrain-forge {holds} (no {NAME})"
+            raise OutputError(f"{told}{_meant(directory)}")
         manifest = json.loads(read_text(directory / NAME, NAME, most=MAX_MANIFEST))
     except DataError as error:
         if getattr(error.__cause__, "errno", None) in _OF_THE_MACHINE:

@@ -33,6 +33,7 @@ from .lattice import patch_pixels as patch_pixels
 from .lattice import pixel_of as pixel_of
 from .lattice import require_straight as require_straight
 from .misnamed import ARRAYS as ARRAYS
+from .misnamed import data_beside as data_beside
 from .misnamed import file_to_open as file_to_open
 from .pixels import Pixels as Pixels
 from .places import expanded as expanded

@@ -285,7 +285,8 @@ def _append(
             if file.tell() + len(chunk) > answer.size:
                 raise DataError(f"{name} is larger than its server says: not kept", key=_KEY)
             file.write(chunk)
-            progress("download", file.tell() / answer.size)
+            had = f"{size_text(file.tell())} of {size_text(answer.size)}"
+            progress(f"download: {had}", file.tell() / answer.size)
 
 
 @contextmanager

@@ -39,14 +39,15 @@ def at_hand(spec: RasterDtm, *, body: Body, progress: Progress = silent) -> Rast
     if spec.source is not None:
         return spec
     if spec.url is not None:
-        return windowed(spec, spec.url, body, licence=_UNKNOWN, whole=None)
+        return windowed(spec, spec.url, body, licence=_UNKNOWN, whole=None, progress=progress)
     product = _product(spec, body)
     if product.height_scale and spec.height_scale is None and spec.height_range_m is None:
         spec = replace(spec, height_scale=product.height_scale, height_offset_m=0.0)
     if not product.shape:
         whole = fetch_product(product.name, progress=progress)
         return replace(spec, product=None, source=str(whole))
-    return windowed(spec, product.url, body, licence=product.licence, whole=_path(product))
+    terms, whole = product.licence, _path(product)
+    return windowed(spec, product.url, body, licence=terms, whole=whole, progress=progress)
 
 
 def whole_at_hand(spec: RasterDtm, *, body: Body) -> RasterDtm:

@@ -19,6 +19,12 @@ def file_to_open(path: Path) -> Path:
     return _beside(path, _BESIDE.get(path.suffix.lower(), ()))
 
 
+def data_beside(path: Path) -> Path:
+    """The file that a recipe names for one: as is opened, or data of any ending by a header."""
+    found = _only_data(path) if path.suffix.lower() == _HEADER else None
+    return found or file_to_open(path)
+
+
 def remedy(path: Path) -> str:
     """What to do about a file that is no raster, in brackets; empty where nothing is known."""
     if path.suffix.lower() in ARRAYS:

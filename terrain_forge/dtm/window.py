@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 
-from terrain_forge.base import DataError, size_text
+from terrain_forge.base import DataError, Progress, silent, size_text
 from terrain_forge.dtm.download import (
     TIMEOUT,
     Answer,
@@ -45,7 +45,13 @@ _log = logging.getLogger(__name__)
 
 
 def windowed(
-    spec: RasterDtm, url: str, body: Body, *, licence: str, whole: Path | None
+    spec: RasterDtm,
+    url: str,
+    body: Body,
+    *,
+    licence: str,
+    whole: Path | None,
+    progress: Progress = silent,
 ) -> RasterDtm:
     """The spec with what its site needs of a remote raster as its source.
 
@@ -55,6 +61,7 @@ def windowed(
         body: What it is a part of.
         licence: On what terms it may be used.
         whole: Where the whole file may lie in the cache: it is then read instead.
+        progress: Told when the network is used.
 
     Raises:
         DataError: if it cannot be had, or cannot serve.
@@ -79,6 +86,7 @@ def windowed(
             _require_first_sight(url, seen)
             told = f"the site's part of {size_text(answer.size)} at {urlsplit(answer.url).hostname}"
             _log.warning("reading %s: %s; %s", spec.name, told, licence)
+            progress("download: the site's part", 0.0)
             lonlat = _over_network(spec, answer, body, path)
         _require_same(path, url)
         record = write_record(path, url=url, lonlat_deg=lonlat, **seen)

@@ -34,7 +34,7 @@ from terrain_forge.recording.setting import (
 from terrain_forge.recording.store import Store
 from terrain_forge.recording.task import Work, measured, work_of
 
-RECORDING = ("load", "scene", "rehearsal", "recording", "tables", "formats")
+RECORDING = ("load", "compile", "scene", "rehearsal", "recording", "tables", "formats")
 """Stages of a recording."""
 _TELLING = 5.0
 """What a recording must take to teach the next estimate [s]: the first measurements are slow."""

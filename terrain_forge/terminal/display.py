@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +37,7 @@ class Display:
     def __init__(self, stages: Sequence[str]) -> None:
         self._stages = list(stages)
         self._stage = self._part = ""
-        self._share = self._most = 0.0
+        self._share = self._part_share = self._most = 0.0
         self._begun = self._since = self._part_since = time.monotonic()
         self._end = 0.0
         self._expected: Mapping[str, float] = {}
@@ -60,8 +61,9 @@ class Display:
         """A stage begins, or is so far; after `: ` stands what it is busy with."""
         ask_for_interrupt()
         name = stage.partition(": ")[0]
-        if stage != self._part:
-            self._part, self._part_since = stage, time.monotonic()
+        part = re.split(r"\d", stage)[0]  # figures change as it goes on
+        if part != self._part:
+            self._part, self._part_since, self._part_share = part, time.monotonic(), share
         if name != self._stage:
             self._stage, self._since = name, self._part_since
             if not self._bar:
@@ -78,6 +80,10 @@ class Display:
         self._expected = seconds
         self._end = time.monotonic() + self._rest()
 
+    def follow(self, stages: Sequence[str]) -> None:
+        """Take other stages to expect: the work turned out to be of another kind."""
+        self._stages = list(stages)
+
     @property
     def elapsed(self) -> float:
         """Time since the beginning [s]."""
@@ -86,15 +92,18 @@ class Display:
     @property
     def left(self) -> float | None:
         """Time that is left [s], where it can be told; it ticks down between reports."""
-        return max(self._end - time.monotonic(), 0.0) if self._expected else None
+        last = self._share > self._part_share and self._stages[-1:] == [self._stage]
+        return max(self._end - time.monotonic(), 0.0) if self._expected or last else None
 
     def _rest(self) -> float:
         """Time that is left [s]: what was expected, and ever more the pace so far."""
         now = time.monotonic()
         rest = max(self._expected.get(self._stage, 0.0) - (now - self._since), 0.0)
-        if self._share > 0.0:
-            paced = (now - self._part_since) * (1.0 - self._share) / self._share
-            rest = (1.0 - self._share) * rest + self._share * paced
+        rest *= 1.0 - self._share
+        made = self._share - self._part_share
+        if made > 0.0:
+            paced = (now - self._part_since) * (1.0 - self._share) / made
+            rest += (self._share if self._stage in self._expected else 1.0) * paced
         return rest + sum(self._expected.get(stage, 0.0) for stage in self._later())
 
     def _later(self) -> list[str]:
@@ -104,9 +113,12 @@ class Display:
 
     def _done(self) -> float:
         """Share of the work that is done, 0 to 1."""
-        left = self.left
-        if left is not None:
-            return self.elapsed / max(self.elapsed + left, 1e-9)
+        if self._stage in self._expected:
+            untold = sum(stage not in self._expected for stage in self._later())
+            part = self.elapsed / max(self.elapsed + (self.left or 0.0), 1e-9)
+            return part * (1.0 - untold / len(self._stages))
+        if self._stage not in self._stages:
+            return self._most
         return min(1.0 - (len(self._later()) + 1.0 - self._share) / len(self._stages), 1.0)
 
     def _tell(self, name: str) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from terrain_forge.base import Progress, RecipeError, TerrainForgeError
-from terrain_forge.dtm import ARRAYS, RasterDtm, at_hand, fetch_product, file_to_open
+from terrain_forge.dtm import ARRAYS, RasterDtm, at_hand, data_beside, fetch_product, open_dataset
 from terrain_forge.model import BODIES
 from terrain_forge.recipe import RecipeFile, load_recipe
 from terrain_forge.terminal.lines import word
@@ -18,6 +18,8 @@ _RASTERS = {
     *(*ARRAYS, ".hdr"),
 }
 """Endings of files that hold heights."""
+_HEAD = 4096
+"""Bytes by which a text is told from other files."""
 
 
 def load_given(path: Path, *, seed: int | None = None, changes: tuple[str, ...] = ()) -> RecipeFile:
@@ -58,7 +60,7 @@ def fetch_given(name: str, *, progress: Progress) -> str:
 
 
 def _refuse_raster(path: Path) -> None:
-    if path.suffix.lower() not in _RASTERS or not path.is_file():
+    if not path.is_file() or not (path.suffix.lower() in _RASTERS or _opens(path)):
         return
     if path.suffix.lower() in ARRAYS:
         raise RecipeError(
@@ -66,9 +68,21 @@ def _refuse_raster(path: Path) -> None:
             "dtm: {source: …}, or in Python give it to terrain_forge.plan as `heights`, with "
             "dtm: {kind: array} in the recipe"
         )
-    name = file_to_open(path).name
+    found = data_beside(path)
     raise RecipeError(
-        f"{path}: this is a raster, no recipe: write one with dtm: {{source: {name}, size_m: [40, "
-        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {word(name)}` "
+        f"{path}: this is a raster, no recipe: write one with dtm: {{source: {found}, size_m: [40, "
+        f"40]}} (`terrain-forge init` makes a first one); `terrain-forge check {word(found)}` "
         "describes it"
     )
+
+
+def _opens(path: Path) -> bool:
+    """Whether a file that is no text is a raster, whatever its name ends with."""
+    with suppress(OSError, UnicodeDecodeError), path.open("rb") as file:
+        file.read(_HEAD).decode("utf-8")
+        return False
+    try:
+        open_dataset(path).close()
+    except Exception:  # GDAL's, of many kinds
+        return False
+    return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import warnings
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ _NOISY = "numba", "rasterio", "matplotlib", "PIL", "trimesh"
 
 def say(text: str, *, err: bool = False) -> None:
     """Show one line."""
-    click.echo(_plain(text), err=err)
+    click.echo(_plain(text), file=sys.stderr if err else sys.stdout)  # a progress bar's, if there
 
 
 def word(path: Path | str) -> str:

@@ -17,6 +17,7 @@ from terrain_forge.building import BuildResult, read_manifest
 from terrain_forge.model import Export, World, write_plot
 from terrain_forge.terminal.lines import say, time_text, word
 from terrain_forge.terminal.running import FAILED_CHECK
+from terrain_forge.terrain import slope_statistics
 from terrain_forge.validation import checks_of, failed_checks, report_text
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def tell_preview(world: World, picture: Path) -> None:
     note = f"preview: rocks as circles of their size{unsettled}"
     require_preview(picture)
     write_plot(world, picture, note=note, software=_PREVIEW)
-    rise = np.hypot(*np.gradient(world.ground.elevation.astype(np.float64), world.ground.spacing))
+    steepest = slope_statistics(world.ground).steepest_deg
     more = f", {dynamic:,} of them dynamic and not settled" * bool(dynamic)
     unplaced = sum(world.unplaced)
     more += f"; {unplaced:,} found no place" * bool(unplaced)
@@ -100,7 +101,7 @@ def tell_preview(world: World, picture: Path) -> None:
     more += f"; {unsupported:,} left out: the ground falls away beneath them" * bool(unsupported)
     say(f"{world.site.name}: nothing was exported")
     say(f"  rocks     {len(world.field):,}{more}")
-    say(f"  slope     {np.degrees(np.arctan(rise.max())):.1f}° at its steepest, rocks apart")
+    say(f"  slope     {steepest:.1f}° at its steepest, rocks apart")
     say(f"  relief    {np.ptp(world.ground.elevation):.2f} m")
     for path in world.trajectories:
         say(f"  path      {path.name}: {path.length:.1f} m, {path.time[-1]:.0f} s")

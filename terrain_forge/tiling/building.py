@@ -45,8 +45,8 @@ _NAMED = 5
 _KINDS = RuntimeError, OutputError, PluginError, StorageError
 """What tiles that failed are told as, the first that one of them is."""
 STAGES = (
-    "compile",
     "plan",
+    "compile",
     "tiles",
     "verification",
     "paths",
@@ -186,6 +186,7 @@ def _make_missing(
             save_order(order)
             begin_site(order, world)
         missing = order.missing()
+        watch.follow(STAGES)
         watch(f"tiles: 0 of {len(missing)}")
         given["told"] = partial(setattr, pace, "link")
         for number, result in _made(order, missing, there, given):

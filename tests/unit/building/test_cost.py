@@ -1,6 +1,7 @@
 """What `check` says that a build costs."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -9,12 +10,15 @@ from terrain_forge.building.cost import (
     DETOUR,
     DRIVING,
     FARTHEST,
+    FILMING,
+    cost_line,
+    drive_seconds,
     exported_bytes,
     learn,
     pace,
     stage_seconds,
 )
-from terrain_forge.dtm import FlatDtm
+from terrain_forge.dtm import FlatDtm, HorizonSpec
 from terrain_forge.making import plan
 from terrain_forge.paths import PathSpec, Planned
 from terrain_forge.pipeline import check
@@ -24,6 +28,7 @@ from terrain_forge.recipe import (
     ValidateSpec,
     export_orders,
 )
+from terrain_forge.rocks import LibrarySpec
 from tests.helpers.recipes import flat
 
 
@@ -75,6 +80,40 @@ def test_a_busy_machine_teaches_nothing_of_its_waiting(tmp_path, monkeypatch):
     monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
     learn({"writing": 2.0}, {"writing": 10.0}, {"writing": 2.0})
     assert json.loads((tmp_path / "pace.json").read_text())["stages"] == {"writing": 1.0}
+
+
+def test_checks_and_drives_teach_apart(tmp_path, monkeypatch):
+    """Small worlds, whose checks take less than expected, do not make a long drive seem short."""
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    for _ in range(6):
+        learn({"validation": 2.0}, {"validation": 0.5}, {"validation": 0.5})
+    site = plan(replace(planned(0.1), validate=ValidateSpec(drive=DriveSpec(path="0"))))
+    driven = drive_seconds(site)
+    checks = stage_seconds(site, [])["validation"] - driven
+    rate = pace() * (DRIVING * 90.0 * DETOUR + FILMING)
+    assert driven == pytest.approx(rate, rel=0.1)
+    expected, taken = {"validation": checks + driven}, {"validation": checks + 4.0 * driven}
+    early = {"validation": checks + 0.3 * driven}
+    learn(expected, early, early, driven=driven, passed=False)
+    assert drive_seconds(site) == driven
+    learn(expected, taken, taken, driven=driven)
+    assert drive_seconds(site) == pytest.approx(2.0 * driven, rel=0.01)  # half of it is believed
+    assert stage_seconds(site, [])["validation"] - 2.0 * driven == pytest.approx(checks, rel=0.01)
+
+
+def test_disk_of_a_small_world_without_horizon(tmp_path, monkeypatch):
+    """12 × 12 m, 2 shapes, MJCF: 8.3 MB were written; with the usual 16 and a horizon 19."""
+    monkeypatch.setenv("TERRAIN_FORGE_CACHE", str(tmp_path))
+    recipe = flat((12.0, 12.0), 0.1)
+    recipe = replace(
+        recipe,
+        horizon=HorizonSpec(reach_m=0.0),
+        rocks=replace(recipe.rocks, library=LibrarySpec(shapes=2)),
+        exports=("mjcf",),
+    )
+    orders = export_orders(recipe)
+    told = re.search(r"([\d,]+) MB on disk", cost_line(plan(recipe), orders))[1]
+    assert 8.3 / 1.5 < float(told) < 8.3 * 1.5
 
 
 def planned(*speeds):

@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from terrain_forge.base import hold_interrupts
-from terrain_forge.terminal import Display, display
+from terrain_forge.terminal import Display, display, say
 
 STAGES = "plan", "ground", "rocks", "writing"
 
@@ -108,3 +108,63 @@ def test_an_interrupt_that_waits_is_raised_at_the_next_report():
     with pytest.raises(KeyboardInterrupt):
         work()
     assert reached == ["plan"]
+
+
+def test_a_stage_that_was_not_expected_does_not_fill_the_bar():
+    progress = Display(STAGES)
+    progress("plan")
+    progress("surprise: 12 of 12", 1.0)
+    assert progress._done() <= 0.25
+    progress.follow(("surprise", "rocks"))
+    progress("surprise", 1.0)
+    assert progress._done() == 0.5
+
+
+def test_figures_that_change_do_not_begin_the_pace_anew(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(("load", "recording"))
+    progress("load")
+    progress("recording: 0 of 300", 0.0)
+    assert progress.left is None
+    now[0] = 30.0
+    progress("recording: 100 of 300, 3.33 a second", 0.25)
+    assert progress.left == 90.0  # of the last stage, though nothing was expected
+    assert progress._done() == 0.625
+
+
+def test_stages_of_which_no_time_is_known_keep_their_part_of_the_bar(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(("load", "recording", "tables", "page"))
+    progress("load")
+    progress.expect({"recording": 10.0})
+    progress("recording")
+    now[0] = 10.0
+    progress("recording", 1.0)
+    assert progress._done() == 0.5
+    progress("page")
+    assert progress._done() == 0.75
+
+
+def test_what_was_there_before_has_no_pace(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(display.time, "monotonic", lambda: now[0])
+    progress = Display(("download",))
+    progress("download: 50 MB of 100 MB", 0.5)
+    assert progress.left is None
+    now[0] = 10.0
+    progress("download: 60 MB of 100 MB", 0.6)
+    assert progress.left == pytest.approx(40.0)
+
+
+def test_a_line_beside_a_bar_is_given_to_it(monkeypatch):
+    """Not to the stream beneath, where the bar would stay as it stands."""
+
+    class Proxy(io.StringIO):
+        buffer = io.BytesIO()
+        encoding = "ascii"
+
+    monkeypatch.setattr("sys.stderr", proxy := Proxy())
+    say("a warning", err=True)
+    assert (proxy.getvalue(), proxy.buffer.getvalue()) == ("a warning\n", b"")
