@@ -87,6 +87,11 @@ def test_names_that_nobody_has():
         expanded(RasterDtm(source="a", url="https://b/c", size_m=(10.0, 10.0)))
 
 
+def test_no_two_products_have_one_file_in_the_cache():
+    files = [product.url.rpartition("/")[2] for product in table().values()]
+    assert len(files) == len(set(files))
+
+
 def test_every_place_is_shown_by_a_product_of_its_body():
     for name in (*(one.product for one in places().values()), *table()):
         product = find_product(name)
