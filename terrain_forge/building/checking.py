@@ -114,19 +114,19 @@ def require_formats(orders: Sequence[ExportOrder], site: Site) -> None:
     """Refuse, before a world is made, what its formats cannot hold and pebbles that it cannot have.
 
     Raises:
-        ExportError: for the first format that asks for such.
+        ExportError: for the first format, or the recording, that asks for such.
     """
     require_exports(orders, site)
-    for order in orders:
+    asked = [(("exports", order.folder), order.options) for order in orders]
+    if site.recipe.tiles is None:  # of a site in tiles parts are recorded, which have less of it
+        asked.append((("dataset",), site.recipe.dataset))
+    for key, options in asked:
+        smallest = getattr(options, "pebbles_min_m", 0.0)
+        within = getattr(options, "pebbles_within_m", 0.0)
         try:
-            require_pebbles(
-                site,
-                smallest=getattr(order.options, "pebbles_min_m", 0.0),
-                within=getattr(order.options, "pebbles_within_m", 0.0),
-            )
+            require_pebbles(site, smallest=smallest, within=within)
         except ExportError as error:
-            key = ("exports", order.folder, "pebbles_min_m")
-            raise ExportError(str(error), key=key) from None
+            raise ExportError(str(error), key=(*key, "pebbles_min_m")) from None
 
 
 def check_raster(path: Path) -> list[str]:

@@ -189,11 +189,13 @@ def test_ids_are_above_those_of_rocks_of_a_very_large_site(world):
 )
 def test_what_cannot_be_is_refused_before_a_world_is_made(law, smallest, told):
     """By `check` and by a build, which else told it after ground, rocks and paths."""
-    rocky = _rocky(usd={"pebbles_min_m": smallest})
-    rocky["rocks"]["populations"][0]["size_frequency"] = law
-    with pytest.raises(ExportError, match=told) as refused:
-        list(check(recipe_from_json(json.dumps(rocky))))
-    assert refused.value.key == ("exports", "usd", "pebbles_min_m")
+    pebbles = {"pebbles_min_m": smallest}
+    exported, recorded = _rocky(usd=pebbles), _rocky(usd={}) | {"dataset": pebbles}
+    for rocky, key in ((exported, ("exports", "usd")), (recorded, ("dataset",))):
+        rocky["rocks"]["populations"][0]["size_frequency"] = law
+        with pytest.raises(ExportError, match=told) as refused:
+            list(check(recipe_from_json(json.dumps(rocky))))
+        assert refused.value.key == (*key, "pebbles_min_m")
 
 
 def test_a_path_that_is_still_to_be_planned_is_not_counted():
