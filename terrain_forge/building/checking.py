@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
+from typing import Any
 
 from terrain_forge.base import DataError, ExportError, length_text, reading, returning
 from terrain_forge.building.cost import cost_line, stage_line
@@ -117,7 +118,9 @@ def require_formats(orders: Sequence[ExportOrder], site: Site) -> None:
         ExportError: for the first format, or the recording, that asks for such.
     """
     require_exports(orders, site)
-    asked = [(("exports", order.folder), order.options) for order in orders]
+    asked: list[tuple[tuple[str, ...], Any]] = [
+        (("exports", order.folder), order.options) for order in orders
+    ]
     if site.recipe.tiles is None:  # of a site in tiles parts are recorded, which have less of it
         asked.append((("dataset",), site.recipe.dataset))
     for key, options in asked:
