@@ -37,7 +37,6 @@ from terrain_forge.recipe import (
     export_orders,
     given_recipe,
     input_paths,
-    require_exports,
     require_fits,
 )
 from terrain_forge.rovers import resolve_rover, rover_of
@@ -164,7 +163,7 @@ def build(
             )
         tiling.require_whole(out, workers, scheduler, exchange)
         recording.require_long_enough(site, draft.rover.sensors)
-        require_exports(orders, site)
+        building.require_formats(orders, site)
         expected = building.stage_seconds(site, orders)
         watch.expect(expected)
         with building.replacing(out, force=force) as directory:

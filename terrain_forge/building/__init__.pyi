@@ -3,6 +3,7 @@
 from .checking import check_raster as check_raster
 from .checking import dtm_lines as dtm_lines
 from .checking import fetch_lines as fetch_lines
+from .checking import require_formats as require_formats
 from .checking import site_lines as site_lines
 from .cost import calibrated as calibrated
 from .cost import drive_seconds as drive_seconds

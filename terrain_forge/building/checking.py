@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
+from typing import Any
 
-from terrain_forge.base import DataError, length_text, reading, returning
+from terrain_forge.base import DataError, ExportError, length_text, reading, returning
 from terrain_forge.building.cost import cost_line, stage_line
 from terrain_forge.dtm import (
     Description,
@@ -29,7 +30,7 @@ from terrain_forge.recipe import (
     rocks_of,
     tile_cells,
 )
-from terrain_forge.rocks import contact_told
+from terrain_forge.rocks import contact_told, require_pebbles
 from terrain_forge.rovers import doubts_of, rover_of, told_radii
 
 _WARNING = f"  {'warning':<12}"
@@ -104,10 +105,31 @@ def site_lines(site: Site, orders: Sequence[ExportOrder]) -> Iterator[str]:
         if isinstance(path.route, Planned):
             yield f"  path         {path.name}: planned on the finished ground"
     yield from rover_lines(site, rover_of(site))
-    require_exports(orders, site)
+    require_formats(orders, site)
     yield f"  exports      {', '.join(order.folder for order in orders) or 'none'}"
     yield f"cost           {cost_line(site, orders)}"
     yield f"  {'time':<12} {stage_line(site, orders)}"
+
+
+def require_formats(orders: Sequence[ExportOrder], site: Site) -> None:
+    """Refuse, before a world is made, what its formats cannot hold and pebbles that it cannot have.
+
+    Raises:
+        ExportError: for the first format, or the recording, that asks for such.
+    """
+    require_exports(orders, site)
+    asked: list[tuple[tuple[str, ...], Any]] = [
+        (("exports", order.folder), order.options) for order in orders
+    ]
+    if site.recipe.tiles is None:  # of a site in tiles parts are recorded, which have less of it
+        asked.append((("dataset",), site.recipe.dataset))
+    for key, options in asked:
+        smallest = getattr(options, "pebbles_min_m", 0.0)
+        within = getattr(options, "pebbles_within_m", 0.0)
+        try:
+            require_pebbles(site, smallest=smallest, within=within)
+        except ExportError as error:
+            raise ExportError(str(error), key=(*key, "pebbles_min_m")) from None
 
 
 def check_raster(path: Path) -> list[str]:

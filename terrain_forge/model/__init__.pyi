@@ -120,6 +120,7 @@ from .tiling import TiledSite as TiledSite
 from .tiling import TileGrid as TileGrid
 from .trajectory import Trajectory as Trajectory
 from .trajectory import path_points as path_points
+from .trajectory import points_along as points_along
 from .world import SHARED_ARRAYS as SHARED_ARRAYS
 from .world import Tile as Tile
 from .world import World as World

@@ -105,9 +105,13 @@ class Trajectory(Record):
 
 def path_points(paths: Iterable[Trajectory]) -> Array:
     """Points along paths, 0.1 m apart, east and north [m], shape [points, 2]."""
+    return points_along(trajectory.position[:, :2] for trajectory in paths)
+
+
+def points_along(lines: Iterable[Array]) -> Array:
+    """Points along lines in the plane [m], 0.1 m apart, shape [points, 2]."""
     points = [np.empty((0, 2))]
-    for trajectory in paths:
-        line = trajectory.position[:, :2]
+    for line in lines:
         steps = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
         far = np.concatenate([[0.0], np.cumsum(steps)])
         at = np.arange(0.0, far[-1] + _POINTS, _POINTS)

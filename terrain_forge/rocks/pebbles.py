@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from terrain_forge.base import Array, ExportError, Positive, checked, mix, stage_key
 from terrain_forge.model import (
     CLOSE_MIN_M,
+    Bounds,
     BuiltTile,
     Heightfield,
     RockField,
@@ -28,6 +29,7 @@ from terrain_forge.model import (
     merge,
     owned,
     path_points,
+    points_along,
 )
 
 MOST_PEBBLES = 2_000_000
@@ -41,9 +43,13 @@ _SUNK = 0.02  # how deep its lowest corner lies in the ground at least [diameter
 
 def path_distance(world: World, places: Array) -> Array:
     """Distances of places (east, north [m]) to the nearest path [m]; infinite without one."""
+    return _distance(path_points(world.trajectories), places)
+
+
+def _distance(points: Array, places: Array) -> Array:
+    """Distances of places to the nearest of points [m]; infinite without one."""
     from scipy.spatial import KDTree
 
-    points = path_points(world.trajectories)
     if not len(points) or not len(places):
         return np.full(len(places), np.inf)
     return np.asarray(KDTree(points).query(places)[0])
@@ -89,7 +95,7 @@ def path_pebbles(
     """
     law, largest = _law(world.site, smallest, paths=bool(world.trajectories))
     density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
-    cells = _cells(world, within)
+    cells = _cells(path_points(world.trajectories), world.ground.bounds, within)
     expected = density * _CELL**2 * len(cells)
     _require_few(expected, smallest, within)
     key = stage_key(world.site.seed, "path-pebbles")
@@ -158,18 +164,23 @@ def with_pebbles(world: World, *, smallest: Positive, within: Positive = 2.0) ->
 
 
 def require_pebbles(site: Site, *, smallest: float, within: float) -> None:
-    """Refuse pebbles that a site in tiles cannot have, before a tile is made.
+    """Refuse pebbles that a site cannot have, before anything is made.
 
-    A `smallest` of 0 asks for none. A path that winds in a tile may have too many yet.
+    A `smallest` of 0 asks for none. A path that is planned on the finished ground, or that winds in
+    a tile, may have too many yet.
 
     Raises:
-        ExportError: if no law tells their number, there is no path, or would be too many along one
-            that goes straight through a tile.
+        ExportError: if no law tells their number, there is no path, or would be too many along the
+            routes that are known; of a site in tiles along one that goes straight through a tile.
     """
     if smallest == 0.0:
         return
     law, largest = _law(site, smallest, paths=bool(site.recipe.paths))
-    area = min(2.0 * within, site.tile_side) * min(site.tile_side, *site.size)
+    if site.recipe.tiles is None:
+        points = points_along(route.position for route in site.routes)
+        area = _CELL**2 * len(_cells(points, site.bounds, within))
+    else:
+        area = min(2.0 * within, site.tile_side) * min(site.tile_side, *site.size)
     density = float(law.cumulative_number(smallest) - law.cumulative_number(largest))
     _require_few(density * area, smallest, within)
 
@@ -205,11 +216,11 @@ def _smallest(population: Any) -> float:
     return float(population.diameter_m[0])
 
 
-def _cells(world: World, within: float) -> Array:
-    """Columns and rows of the squares that reach within a distance of a path."""
+def _cells(points: Array, box: Bounds, within: float) -> Array:
+    """Columns and rows of a box's squares that reach within a distance of a path's points [m]."""
     reach = int(np.ceil(within / _CELL)) + 1
-    on_path = np.unique(np.floor(path_points(world.trajectories) / _CELL).astype(np.int64), axis=0)
-    bounds = np.floor(np.array(world.ground.bounds) / _CELL).astype(np.int64)
+    on_path = np.unique(np.floor(points / _CELL).astype(np.int64), axis=0)
+    bounds = np.floor(np.array(box) / _CELL).astype(np.int64)
     axes = [np.arange(bounds[n], bounds[n + 2] + 1) for n in (0, 1)]
     if len(on_path) * (2 * reach + 1) ** 2 < len(axes[0]) * len(axes[1]):
         steps = np.arange(-reach, reach + 1)
@@ -218,7 +229,7 @@ def _cells(world: World, within: float) -> Array:
         cells = cells[((cells >= bounds[:2]) & (cells <= bounds[2:])).all(axis=1)]
     else:  # more than the site has
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    return np.asarray(cells[path_distance(world, (cells + 0.5) * _CELL) <= within + _CELL])
+    return np.asarray(cells[_distance(points, (cells + 0.5) * _CELL) <= within + _CELL])
 
 
 def _laid(

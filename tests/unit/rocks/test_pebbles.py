@@ -10,7 +10,7 @@ from terrain_forge.exporters.usd import Options, export
 from terrain_forge.base import ExportError, matrix_from_quaternion, xyzw
 from terrain_forge.making import plan
 from terrain_forge.model import merge
-from terrain_forge.pipeline import realise
+from terrain_forge.pipeline import check, realise
 from terrain_forge.recipe import DatasetSpec, recipe_from_json
 from terrain_forge.recording import open_setting
 from terrain_forge.rocks import path_pebbles, with_pebbles
@@ -178,3 +178,31 @@ def test_ids_are_above_those_of_rocks_of_a_very_large_site(world):
     assert len(np.unique(with_pebbles(far, smallest=0.05, within=1.0).field.id)) == len(
         far.field
     ) + len(pebbles)
+
+
+@pytest.mark.parametrize(
+    ("law", "smallest", "told"),
+    [
+        ({"kind": "golombek", "k": 0.1}, 1e-6, "some [0-9,]+ pebbles"),
+        ({"kind": "table", "diameters_m": [0.1, 1], "numbers_per_m2": [1, 0.01]}, 0.01, "from 0.1"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_a_world_is_made(law, smallest, told):
+    """By `check` and by a build, which else told it after ground, rocks and paths."""
+    pebbles = {"pebbles_min_m": smallest}
+    exported, recorded = _rocky(usd=pebbles), _rocky(usd={}) | {"dataset": pebbles}
+    for rocky, key in ((exported, ("exports", "usd")), (recorded, ("dataset",))):
+        rocky["rocks"]["populations"][0]["size_frequency"] = law
+        with pytest.raises(ExportError, match=told) as refused:
+            list(check(recipe_from_json(json.dumps(rocky))))
+        assert refused.value.key == (*key, "pebbles_min_m")
+
+
+def test_a_path_that_is_still_to_be_planned_is_not_counted():
+    rocky = _rocky(glb={"pebbles_min_m": 1e-6})
+    rocky["paths"][0]["route"] = {"kind": "planned", "start_m": [-8, 0], "goal_m": [8, 0]}
+    assert any(line.startswith("cost") for line in check(recipe_from_json(json.dumps(rocky))))
+
+
+def _rocky(**exports):
+    return json.loads(json.dumps(ROCKY)) | {"exports": exports}
