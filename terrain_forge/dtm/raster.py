@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,8 @@ _CLASSIC = b"CDF"
 """What netCDF begins with that is not HDF5."""
 _NUMPY = b"\x93NUMPY", b"PK\x03\x04"
 """What NumPy's files begin with: arrays, and archives of them."""
+MOST_SIDE, MOST_BLOCK = 2_000_000, 2**28
+"""Samples a side of a raster, and bytes of a block, which is read whole for any sample of it."""
 _BESIDE = ".ovr", ".msk"
 """Endings of files beside a raster that GDAL opens with whatever driver takes them."""
 _TIFF = b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"
@@ -339,6 +342,16 @@ def _complaint(dataset: Any, path: Path) -> str:
         return f"{path.name} names the file {overviews!r} as its overviews: remove OVERVIEW_FILE"
     if any("complex" in kind for kind in dataset.dtypes):
         return f"{path.name} holds complex numbers, which are no heights or pixels"
+    if max(dataset.shape) > MOST_SIDE:
+        size = f"{dataset.width:,} × {dataset.height:,}"
+        return f"{path.name} has {size} samples, at most {MOST_SIDE:,} a side"
+    sizes = [np.dtype(kind).itemsize for kind in dataset.dtypes]
+    blocks = [rows * columns for rows, columns in dataset.block_shapes]
+    if (most := max(map(operator.mul, blocks, sizes), default=0)) > MOST_BLOCK:
+        return (
+            f"{path.name} has blocks of {most / 2**20:,.0f} MiB, at most {MOST_BLOCK >> 20} MiB: "
+            "cut it into smaller ones, as by gdal_translate -co TILED=YES"
+        )
     folders = {path.absolute().parent.resolve(), path.resolve().parent}
     for name in dataset.files:
         if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):
@@ -347,9 +360,14 @@ def _complaint(dataset: Any, path: Path) -> str:
 
 
 def _require_plain_company(path: Path) -> None:
-    """Refuse files beside a raster, into which GDAL looks, that may lead it elsewhere."""
+    """Refuse files beside a raster, into which GDAL looks, that may lead it elsewhere or hang it.
+
+    It looks for some of any raster's: a pipe of whatever name is refused.
+    """
     stem = f"{path.stem}.".casefold()
     for beside in path.parent.glob("*"):
+        if beside.is_fifo() or beside.is_char_device():
+            raise DataError(f"{beside.name} beside {path.name} is no regular file")
         if not beside.name.casefold().startswith(stem) or not beside.exists() or beside.is_dir():
             continue
         if not beside.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -226,3 +227,30 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "dem.tif").symlink_to("/proc/self/mem")
     with pytest.raises(DataError, match=r"^dem\.tif cannot be read: .*Input/output"):
         open_dataset(tmp_path / "dem.tif")
+
+
+@pytest.mark.parametrize("name", ["a.prj", "a_metadata.txt", "METADATA.DIM", "a_RPC.TXT"])
+def test_a_pipe_that_gdal_may_look_into_is_refused(tmp_path, name):
+    Image.new("L", (2, 2)).save(tmp_path / "a.tif")
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(DataError, match=f"^{name} beside a.tif is no regular file"):
+        open_dataset(tmp_path / "a.tif")
+
+
+def test_absurd_blocks_are_refused(tmp_path):
+    path = tmp_path / "a.tif"
+    rasterio.open(
+        *(path, "w"), driver="GTiff", height=16384, width=16384, count=1, dtype="float32",
+        tiled=True, blockxsize=16384, blockysize=16384, sparse_ok=True,
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ).close()  # fmt: skip
+    with pytest.raises(DataError, match="has blocks of 1,024 MiB, at most 256 MiB: cut it into"):
+        open_dataset(path)
+
+
+def test_absurd_sides_are_refused(tmp_path):
+    (tmp_path / "a.xyz").write_text(
+        "".join(f"{x} {y} 1\n" for y in (0, 1, 2000000) for x in (0, 1))
+    )
+    with pytest.raises(DataError, match=r"has 2 × 2,000,001 samples, at most 2,000,000 a side"):
+        open_dataset(tmp_path / "a.xyz")
