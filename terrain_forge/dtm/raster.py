@@ -380,9 +380,9 @@ def _needed(dataset: Any) -> int:
     header = dataset.tags(ns="ENVI")
     if header.get("file_compression", "0") != "0":
         return 0
-    before = header.get("header_offset", "0")
+    before = str(header.get("header_offset", "0"))
     samples = int(dataset.width * dataset.height)
-    sizes = (np.dtype(kind).itemsize for kind in dataset.dtypes)
+    sizes = (int(np.dtype(kind).itemsize) for kind in dataset.dtypes)
     return (int(before) if before.isdecimal() else 0) + samples * sum(sizes)
 
 
