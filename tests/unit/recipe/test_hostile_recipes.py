@@ -119,3 +119,14 @@ def test_lines_of_a_table(tmp_path):
     assert "has 5,000,001 lines, at most 4,000,000" in complaint(path)
     (tmp_path / "many.csv").write_bytes(b"x_m,y_m,diameter_m\n0,0,1\n\xff")
     assert "many.csv:3: is no text in UTF-8" in complaint(path)
+
+
+@pytest.mark.parametrize("number", ["1_0", "\u0663"])
+def test_numbers_of_a_table_are_plain(tmp_path, number):
+    path = tmp_path / "mini.yaml"
+    (tmp_path / "a.csv").write_text(f"x_m,y_m,diameter_m\n{number},0,1\n", encoding="utf-8")
+    path.write_text(RECIPE + "rocks: {lists: [{name: a, file: a.csv}]}\n")
+    assert "a.csv, line 2: x_m must be a number, found" in complaint(path)
+    (tmp_path / "a.csv").write_text(f"x,y\n0,0\n{number},0\n", encoding="utf-8")
+    path.write_text(RECIPE + ROUTE.format("kind: file, file: a.csv").replace("{{", "{"))
+    assert "a.csv, line 3: x must be a number, found" in complaint(path)
