@@ -25,7 +25,7 @@ MIB = 2**20
 ROWS = {
     "a recipe": f"{file.MAX_RECIPE // 1024} KiB of UTF-8; {MAX_NODES:,} keys and values; "
     f"{MAX_DEPTH} mappings and lists within each other; whole numbers of {file.MAX_DIGITS} "
-    "digits; no tags, anchors or merges",
+    "digits; no tags but those of YAML itself, no anchors or merges",
     "a number that must be above 0": f"{specs.LEAST:g} to {specs.MOST:g}",
     "a coordinate": f"±{specs.FARTHEST:g} m",
     "a site": "as long each way as its body's radius",
