@@ -275,6 +275,10 @@ def _locked(folder: Path, target: Path) -> int:
                 os.close(handle)
                 raise OutputError(f"{target} is being written by another terrain-forge") from None
             except BaseException:
+                with suppress(OSError):  # a full disk takes no mark: what is empty goes
+                    if not os.fstat(handle).st_size:
+                        (folder / LOCK).unlink()
+                        folder.rmdir()
                 os.close(handle)
                 raise
             os.close(handle)

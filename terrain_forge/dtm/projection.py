@@ -180,6 +180,8 @@ def _wkt(proj: str) -> str:
 def put_units_at_hand() -> None:
     """Put PROJ's data into the environment: libgeotiff seeks units there, and complains aloud.
 
+    So is what lets GDAL tell of a PNG that is cut off.
+
     Once: a thread that reads the environment while another changes it may crash. Programs that we
     start are not told of it, since `os.environ` is left as it is.
     """
@@ -188,3 +190,5 @@ def put_units_at_hand() -> None:
     place = None if "PROJ_DATA" in os.environ else PROJDataFinder().search()
     if place:
         os.putenv("PROJ_DATA", str(place))
+    # Else of a PNG of 8 bits that is cut off GDAL returns what memory held, and tells of no error.
+    os.putenv("GDAL_PNG_WHOLE_IMAGE_OPTIM", "NO")

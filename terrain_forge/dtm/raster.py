@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,8 @@ _CLASSIC = b"CDF"
 """What netCDF begins with that is not HDF5."""
 _NUMPY = b"\x93NUMPY", b"PK\x03\x04"
 """What NumPy's files begin with: arrays, and archives of them."""
+MOST_SIDE, MOST_BLOCK = 2_000_000, 2**28
+"""Samples a side of a raster, and bytes of a block, which is read whole for any sample of it."""
 _BESIDE = ".ovr", ".msk"
 """Endings of files beside a raster that GDAL opens with whatever driver takes them."""
 _TIFF = b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"
@@ -339,6 +342,18 @@ def _complaint(dataset: Any, path: Path) -> str:
         return f"{path.name} names the file {overviews!r} as its overviews: remove OVERVIEW_FILE"
     if any("complex" in kind for kind in dataset.dtypes):
         return f"{path.name} holds complex numbers, which are no heights or pixels"
+    if max(dataset.shape) > MOST_SIDE:
+        size = f"{dataset.width:,} × {dataset.height:,}"
+        return f"{path.name} has {size} samples, at most {MOST_SIDE:,} a side"
+    sizes = [np.dtype(kind).itemsize for kind in dataset.dtypes]
+    blocks = [rows * columns for rows, columns in dataset.block_shapes]
+    if (most := max(map(operator.mul, blocks, sizes), default=0)) > MOST_BLOCK:
+        return (
+            f"{path.name} has blocks of {most / 2**20:,.0f} MiB, at most {MOST_BLOCK >> 20} MiB: "
+            "cut it into smaller ones, as by gdal_translate -co TILED=YES"
+        )
+    if _is_cut_off(dataset, path):
+        return f"{path.name} is cut off: it ends before its last sample"
     folders = {path.absolute().parent.resolve(), path.resolve().parent}
     for name in dataset.files:
         if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):
@@ -346,10 +361,66 @@ def _complaint(dataset: Any, path: Path) -> str:
     return ""
 
 
+def _is_cut_off(dataset: Any, path: Path) -> bool:
+    """Whether a file is too short, of those formats of which GDAL reads zeros beyond its end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        match dataset.driver:
+            case "ENVI":
+                return path.stat().st_size < _needed(dataset)
+            case "netCDF":
+                return _ends_early(path)
+            case "TGA":
+                return not _is_whole_picture(path)
+    return False
+
+
+def _needed(dataset: Any) -> int:
+    """Bytes that an ENVI file has at least."""
+    header = dataset.tags(ns="ENVI")
+    if header.get("file_compression", "0") != "0":
+        return 0
+    before = str(header.get("header_offset", "0"))
+    samples = int(dataset.width * dataset.height)
+    sizes = (int(np.dtype(kind).itemsize) for kind in dataset.dtypes)
+    return (int(before) if before.isdecimal() else 0) + samples * sum(sizes)
+
+
+def _ends_early(path: Path) -> bool:
+    """Whether a classic netCDF file has less than its header says; kinds that scipy lacks pass."""
+    from scipy.io import netcdf_file
+
+    try:
+        netcdf_file(path, mmap=True).close()
+    except ValueError as error:
+        return any(words in str(error) for words in ("must be a divisor", "cannot reshape array"))
+    except (TypeError, LookupError, ArithmeticError, AttributeError, MemoryError, OSError):
+        return False
+    return False
+
+
+def _is_whole_picture(path: Path) -> bool:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+    except Image.DecompressionBombError:
+        return True
+    except (OSError, ValueError, SyntaxError):
+        return False
+    return True
+
+
 def _require_plain_company(path: Path) -> None:
-    """Refuse files beside a raster, into which GDAL looks, that may lead it elsewhere."""
+    """Refuse files beside a raster, into which GDAL looks, that may lead it elsewhere or hang it.
+
+    It looks for some of any raster's: a pipe of whatever name is refused.
+    """
     stem = f"{path.stem}.".casefold()
     for beside in path.parent.glob("*"):
+        if beside.is_fifo() or beside.is_char_device():
+            raise DataError(f"{beside.name} beside {path.name} is no regular file")
         if not beside.name.casefold().startswith(stem) or not beside.exists() or beside.is_dir():
             continue
         if not beside.is_file():

@@ -195,7 +195,8 @@ def _numbers(file: str, line: int, row: list[str], names: list[str], key: Key) -
             number = float(field) if name else 0.0
         except ValueError:
             number = math.nan
-        if not math.isfinite(number):
+        odd = name and ("_" in field or not field.isascii())  # float() takes 1_0, and all scripts
+        if odd or not math.isfinite(number):
             raise DataError(
                 f"{file}, line {line}: {name} must be a number, found {field!r}", key=key
             )

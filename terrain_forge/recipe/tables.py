@@ -56,6 +56,8 @@ def _fields(line: str) -> list[str]:
 
 def _all_numbers(lines: list[str], columns: int) -> Array | None:
     """The numbers of all lines at once, or None where they must be looked at one by one."""
+    if not all(line.isascii() for line in lines):  # digits of other scripts are numbers to NumPy
+        return None
     try:
         values = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
     except ValueError:
@@ -75,6 +77,17 @@ def _require_columns(columns: tuple[str, ...], mark: InputFile) -> None:
             raise ValueError(f" has two columns {name!r}")
 
 
+def _plain_number(text: str) -> float:
+    """The number of a text: not as Python's `1_0`, nor in digits of other scripts.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"no number: {text!r}")
+    return float(text)
+
+
 def _numbers(
     line: int, row: list[str], columns: tuple[str, ...], blanks: dict[str, float]
 ) -> list[float]:
@@ -86,7 +99,7 @@ def _numbers(
             numbers.append(blanks[name])
             continue
         try:
-            number = float(field)
+            number = _plain_number(field)
         except ValueError:
             raise ValueError(f", line {line}: {name} must be a number, found {field!r}") from None
         if not np.isfinite(number):

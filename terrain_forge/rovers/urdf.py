@@ -362,6 +362,8 @@ def _floats(
         values = tuple(map(float, text.split()))
     except ValueError:
         values = ()
+    if "_" in text or not text.isascii():  # float() takes 1_0 and digits of all scripts
+        values = ()
     why = ""
     if len(values) != count or not (text == default or all(map(math.isfinite, values))):
         why = "a number" if count == 1 else f"{count} numbers"

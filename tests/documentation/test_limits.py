@@ -25,14 +25,15 @@ MIB = 2**20
 ROWS = {
     "a recipe": f"{file.MAX_RECIPE // 1024} KiB of UTF-8; {MAX_NODES:,} keys and values; "
     f"{MAX_DEPTH} mappings and lists within each other; whole numbers of {file.MAX_DIGITS} "
-    "digits; no tags, anchors or merges",
+    "digits; no tags but those of YAML itself, no anchors or merges",
     "a number that must be above 0": f"{specs.LEAST:g} to {specs.MOST:g}",
     "a coordinate": f"±{specs.FARTHEST:g} m",
     "a site": "as long each way as its body's radius",
     "a name": f"{specs.MAX_NAME} characters, {specs.MAX_NAME_BYTES} bytes of UTF-8; no separator, "
     "no leading dot, nothing that cannot be printed",
     "any input file": "a regular file: no pipe, no device, no folder",
-    "a raster": f"{len(raster.DRIVERS)} of GDAL's formats, all files of it beside it",
+    "a raster": f"{len(raster.DRIVERS)} of GDAL's formats, all files of it beside it; "
+    f"{raster.MOST_SIDE:,} samples a side, blocks of {raster.MOST_BLOCK >> 20} MiB",
     "a raster that is fetched": f"{download.MOST // 2**30} GiB whole, {window.MOST // 2**30} GiB "
     "by window; GeoTIFF or JPEG 2000 by window",
     "an image": f"as a raster; {image.MAX_PIXELS:,} pixels",

@@ -233,6 +233,16 @@ def test_the_disk_is_full_at_steps(tmp_path, stride):
     assert {0, 7} <= ends
 
 
+def test_a_disk_that_takes_no_mark_keeps_no_empty_folder(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(StorageError, match="No space left"):
+        write(tmp_path / "out", number=1)
+    assert names(tmp_path) == []
+
+
 def test_racing_writers_end_with_one_whole_world(tmp_path):
     target = tmp_path / "out"
     for _ in range(2):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
@@ -226,3 +227,66 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "dem.tif").symlink_to("/proc/self/mem")
     with pytest.raises(DataError, match=r"^dem\.tif cannot be read: .*Input/output"):
         open_dataset(tmp_path / "dem.tif")
+
+
+@pytest.mark.parametrize("name", ["a.prj", "a_metadata.txt", "METADATA.DIM", "a_RPC.TXT"])
+def test_a_pipe_that_gdal_may_look_into_is_refused(tmp_path, name):
+    Image.new("L", (2, 2)).save(tmp_path / "a.tif")
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(DataError, match=f"^{name} beside a.tif is no regular file"):
+        open_dataset(tmp_path / "a.tif")
+
+
+def test_absurd_blocks_are_refused(tmp_path):
+    path = tmp_path / "a.tif"
+    rasterio.open(
+        *(path, "w"), driver="GTiff", height=16384, width=16384, count=1, dtype="float32",
+        tiled=True, blockxsize=16384, blockysize=16384, sparse_ok=True,
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ).close()  # fmt: skip
+    with pytest.raises(DataError, match="has blocks of 1,024 MiB, at most 256 MiB: cut it into"):
+        open_dataset(path)
+
+
+def test_absurd_sides_are_refused(tmp_path):
+    (tmp_path / "a.xyz").write_text(
+        "".join(f"{x} {y} 1\n" for y in (0, 1, 2000000) for x in (0, 1))
+    )
+    with pytest.raises(DataError, match=r"has 2 × 2,000,001 samples, at most 2,000,000 a side"):
+        open_dataset(tmp_path / "a.xyz")
+
+
+def _cut(path, part: float) -> None:
+    path.write_bytes(path.read_bytes()[: int(part * path.stat().st_size)])
+
+
+@pytest.mark.parametrize("part", [0.98, 0.5])
+@pytest.mark.parametrize("name", ["a.png", "a.tga"])
+def test_a_picture_that_is_cut_off_is_refused(tmp_path, name, part):
+    """Of a PNG of 8 bits GDAL would return what memory held."""
+    values = np.random.default_rng(1).integers(0, 256, (64, 64), np.uint8)
+    Image.fromarray(values).save(tmp_path / name)
+    assert np.array_equal(read_image(name, tmp_path, ("x",))[::-1] * 255, values)
+    _cut(tmp_path / name, part)
+    with pytest.raises(DataError, match=f"^{name} (cannot be read|is cut off)"):
+        read_image(name, tmp_path, ("x",))
+
+
+@pytest.mark.parametrize("part", [0.999, 0.5])
+def test_a_model_that_is_cut_off_is_refused(tmp_path, part):
+    """GDAL would return zeros."""
+    with rasterio.open(
+        *(tmp_path / "a.img", "w"), driver="ENVI", height=64, width=64, count=1, dtype="float32",
+        transform=rasterio.Affine(1, 0, 8, 0, -1, 8),
+    ) as file:  # fmt: skip
+        file.write(np.ones((1, 64, 64), np.float32))
+    with scipy.io.netcdf_file(tmp_path / "a.nc", "w") as file:
+        for name in ("y", "x"):
+            file.createDimension(name, 64)
+            file.createVariable(name, "f8", (name,))[:] = np.arange(64.0)
+        file.createVariable("z", "f4", ("y", "x"))[:] = 7.0
+    for name in ("a.img", "a.nc"):
+        open_dataset(tmp_path / name).close()
+        _cut(tmp_path / name, part)
+        with pytest.raises(DataError, match=f"^{name} is cut off: it ends before its last sample"):
+            open_dataset(tmp_path / name)

@@ -41,6 +41,9 @@ def complaint(path) -> str:
         (b"[" + b"1," * 40_001 + b"]", ":3: not YAML: more than 40,000 keys and values"),
         (b"[" + b"0.123456, " * 2_000 + b"]", ":3: seed: must be a valid integer"),
         (b"#" * 2_000_000, "at most 0.25 MiB"),
+        (b'1\nname: "\\uD800"', ":4: name: half of a UTF-16 character (\\ud800 to"),
+        (b'1\n"\\uD800": 2', ":4: a key must be a word"),
+        (b"1\n? [a]\n: 2", ":4: a key must be a word"),
     ],
 )
 def test_the_text_of_a_recipe(tmp_path, seed, says):
@@ -105,6 +108,8 @@ def test_arguments(tmp_path):
     assert (deep.returncode, "not YAML: mappings and lists are nested" in deep.stderr) == (2, True)
     long = run("build", path, "-o", tmp_path / ("x" * 300))
     assert (long.returncode, "300 bytes long, at most 255" in long.stderr) == (2, True)
+    odd = run("build", path, "-o", tmp_path / "a\udcff")
+    assert (odd.returncode, "its name is no text in UTF-8" in odd.stderr) == (2, True)
 
 
 def test_lines_of_a_table(tmp_path):
@@ -114,3 +119,14 @@ def test_lines_of_a_table(tmp_path):
     assert "has 5,000,001 lines, at most 4,000,000" in complaint(path)
     (tmp_path / "many.csv").write_bytes(b"x_m,y_m,diameter_m\n0,0,1\n\xff")
     assert "many.csv:3: is no text in UTF-8" in complaint(path)
+
+
+@pytest.mark.parametrize("number", ["1_0", "\u0663"])
+def test_numbers_of_a_table_are_plain(tmp_path, number):
+    path = tmp_path / "mini.yaml"
+    (tmp_path / "a.csv").write_text(f"x_m,y_m,diameter_m\n{number},0,1\n", encoding="utf-8")
+    path.write_text(RECIPE + "rocks: {lists: [{name: a, file: a.csv}]}\n")
+    assert "a.csv, line 2: x_m must be a number, found" in complaint(path)
+    (tmp_path / "a.csv").write_text(f"x,y\n0,0\n{number},0\n", encoding="utf-8")
+    path.write_text(RECIPE + ROUTE.format("kind: file, file: a.csv").replace("{{", "{"))
+    assert "a.csv, line 3: x must be a number, found" in complaint(path)

@@ -325,6 +325,10 @@ ATTACKS = {
     "loop beside a root": (
         urdf(("</robot>", '<link name="a"/>' + BACK.format(parent="wheel_1"))), "urdf",
         "form a loop of the links (base_link, wheel_1|wheel_1, base_link)$"),
+    "mass of other digits": (
+        urdf(('mass value="8"', 'mass value="\u0663"')), "urdf", "must be a number"),
+    "mass with underscores": (
+        urdf(('mass value="8"', 'mass value="1_0"')), "urdf", "must be a number"),
     "mass nan": (urdf(('mass value="8"', 'mass value="nan"')), "urdf", "must be a number"),
     "inertia": (urdf(('ixx="1"', 'ixx="1e300"')), "urdf", "at most"),
     "origin": (urdf(('<origin xyz="0.2', '<origin xyz="1e300')), "urdf", "at most"),
