@@ -149,6 +149,8 @@ def _connected(scheduler: str, workers: int | None) -> Iterator[Any]:
         raise OutputError(
             "a scheduler needs Dask: pip install 'terrain-forge[dask]', or leave it out"
         ) from None
+    # A traceback for developers, of a scheduler that is lost: that is told in a line.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     if scheduler != LOCAL:
         _knock(distributed, scheduler)
         with distributed.Client(scheduler, timeout=_REACH, set_as_default=False) as client:

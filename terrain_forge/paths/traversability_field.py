@@ -167,7 +167,8 @@ def _cost(
 
 
 def _columns_and_rows(position: NDArray[np.float64], ground: Heightfield) -> NDArray[np.float64]:
-    return np.asarray((position[:, :2] - ground.origin) / ground.spacing)
+    """Places in cells, to 2⁻²⁰: a window, whose origin is another, has the whole's bits."""
+    return np.asarray(np.rint((position[:, :2] - ground.origin) / ground.spacing * 2**20) / 2**20)
 
 
 @kernel

@@ -68,7 +68,7 @@ def merge_materials(tables: Iterable[tuple[Path, Window]], grid: TileGrid, path:
         with table.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         nodes = math.prod(grid.nodes(window))
-        own = nodes * np.array([float(row[_SHARE]) for row in rows])
+        own = np.rint(nodes * np.array([float(row[_SHARE]) for row in rows]))
         shares, whole = own if whole == 0 else shares + own, whole + nodes
     for row, share in zip(rows, shares, strict=True):
         row[_SHARE] = f"{share / whole:.6f}"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -182,3 +185,31 @@ def test_a_cluster_whose_workers_come_back_goes_on(cluster: Any) -> None:
     threading.Timer(3.0, cluster.scale, [1]).start()
     found += done
     assert sorted(found) == [(item, item) for item in range(12)]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_is_lost_is_told_without_a_traceback(tmp_path: Path, caplog: Any) -> None:
+    pytest.importorskip("distributed")
+    command = [sys.executable, "-m", "distributed.cli.dask_"]
+    own = "--scheduler-file", str(tmp_path / "address"), "--no-dashboard"
+    rest = {"scheduler": ("--host", "127.0.0.1", "--port", "0"), "worker": ("--no-nanny",)}
+    programs = [
+        subprocess.Popen([*command[:2], command[2] + name, *own, *more], cwd=tmp_path)
+        for name, more in rest.items()
+    ]
+    try:
+        while not (tmp_path / "address").exists():
+            time.sleep(0.1)
+        time.sleep(0.5)
+        address = json.loads((tmp_path / "address").read_text())["address"]
+        done = run_tasks(time.sleep, [0.3 + 0.001 * n for n in range(30)], scheduler=address)
+        next(done)
+        programs[0].kill()
+        with pytest.raises(OutputError, match="was lost; what is whole stays"):
+            list(done)
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+    assert "Traceback" not in caplog.text

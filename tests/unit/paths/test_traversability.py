@@ -178,6 +178,23 @@ def test_rocks_bar_the_way_and_low_ones_are_steps():
     assert rate(flat, rocks.select(low & ~low)).step.max() == 0.0
 
 
+def test_a_window_has_the_whole_rims_of_rocks_that_stand_on_nodes():
+    rocks = worlds.field(40)
+    place = 0.2 * np.random.default_rng(2).integers(-30, 31, (40, 2))
+    position = np.column_stack([place, rocks.position[:, 2]])
+    rocks = rocks.replace(position=position, diameter=np.full(40, 1.0))
+    whole = ground(lambda x, y: 0.0 * (x + y), spacing=0.2)
+    steps = rate(whole, rocks).step
+    for first in range(1, 20):
+        west, south = (edge + first * 0.2 for edge in whole.origin)
+        part = Heightfield(
+            elevation=whole.elevation[first:, first:], spacing=0.2, origin=(west, south)
+        )
+        found = rate(part, rocks).step
+        known = found != UNKNOWN
+        assert np.array_equal(found[known], steps[first:, first:][known]), first
+
+
 def test_threads_change_nothing(use_threads):
     rocks, land = worlds.field(40), worlds.ground()
     one = rate(land, rocks)
