@@ -71,7 +71,7 @@ class Display:
         self._share = share
         self._end = time.monotonic() + self._rest()
         if self._bar:
-            self._most = max(self._most, self._done())
+            self._most = max(self._most, self.done)
             with hold_interrupts():  # a thread draws it
                 self._bar.update(self._bar.task_ids[0], completed=self._most, description=stage)
 
@@ -95,6 +95,17 @@ class Display:
         last = self._share > self._part_share and self._stages[-1:] == [self._stage]
         return max(self._end - time.monotonic(), 0.0) if self._expected or last else None
 
+    @property
+    def done(self) -> float:
+        """Share of the work that is done, 0 to 1."""
+        if self._stage in self._expected:
+            untold = sum(stage not in self._expected for stage in self._later())
+            part = self.elapsed / max(self.elapsed + (self.left or 0.0), 1e-9)
+            return part * (1.0 - untold / len(self._stages))
+        if self._stage not in self._stages:
+            return self._most
+        return min(1.0 - (len(self._later()) + 1.0 - self._share) / len(self._stages), 1.0)
+
     def _rest(self) -> float:
         """Time that is left [s]: what was expected, and ever more the pace so far."""
         now = time.monotonic()
@@ -110,16 +121,6 @@ class Display:
         """The stages after this one."""
         known = self._stage in self._stages
         return self._stages[self._stages.index(self._stage) + 1 :] if known else []
-
-    def _done(self) -> float:
-        """Share of the work that is done, 0 to 1."""
-        if self._stage in self._expected:
-            untold = sum(stage not in self._expected for stage in self._later())
-            part = self.elapsed / max(self.elapsed + (self.left or 0.0), 1e-9)
-            return part * (1.0 - untold / len(self._stages))
-        if self._stage not in self._stages:
-            return self._most
-        return min(1.0 - (len(self._later()) + 1.0 - self._share) / len(self._stages), 1.0)
 
     def _tell(self, name: str) -> None:
         line = f"terrain-forge: {clock(self.elapsed)} {name}"

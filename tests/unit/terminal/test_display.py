@@ -114,10 +114,10 @@ def test_a_stage_that_was_not_expected_does_not_fill_the_bar():
     progress = Display(STAGES)
     progress("plan")
     progress("surprise: 12 of 12", 1.0)
-    assert progress._done() <= 0.25
+    assert progress.done <= 0.25
     progress.follow(("surprise", "rocks"))
     progress("surprise", 1.0)
-    assert progress._done() == 0.5
+    assert progress.done == 0.5
 
 
 def test_figures_that_change_do_not_begin_the_pace_anew(monkeypatch):
@@ -130,7 +130,7 @@ def test_figures_that_change_do_not_begin_the_pace_anew(monkeypatch):
     now[0] = 30.0
     progress("recording: 100 of 300, 3.33 a second", 0.25)
     assert progress.left == 90.0  # of the last stage, though nothing was expected
-    assert progress._done() == 0.625
+    assert progress.done == 0.625
 
 
 def test_stages_of_which_no_time_is_known_keep_their_part_of_the_bar(monkeypatch):
@@ -142,9 +142,9 @@ def test_stages_of_which_no_time_is_known_keep_their_part_of_the_bar(monkeypatch
     progress("recording")
     now[0] = 10.0
     progress("recording", 1.0)
-    assert progress._done() == 0.5
+    assert progress.done == 0.5
     progress("page")
-    assert progress._done() == 0.75
+    assert progress.done == 0.75
 
 
 def test_what_was_there_before_has_no_pace(monkeypatch):
