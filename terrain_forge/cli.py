@@ -120,7 +120,7 @@ def preview(recipe: Path, out: Path | None, seed: int | None, changes: tuple[str
     file = load_given(recipe, seed=seed, changes=changes)
     out = out or Path(f"{file.recipe.name}_preview.png")
     require_preview(out)
-    with located(file), Display(("plan", "compile", *pipeline.MAKING[1:])) as display:
+    with located(file), Display(pipeline.PREVIEW_STAGES) as display:
         drafted = with_fetched(draft(file.recipe, folder=file.folder), progress=display)
         compile_ahead(display)
         display("plan")

@@ -45,7 +45,9 @@ from terrain_forge.terminal import watched
 MAKING = "plan", "rock library", "ground", "rocks", "paths"
 """Stages until there is a world."""
 ASSESSING = "validation", "report page", "manifest"
-STAGES = ("plan", "compile", *MAKING[1:], "writing", *ASSESSING)
+PREVIEW_STAGES = ("plan", "compile", *MAKING[1:])
+"""Stages of a preview."""
+STAGES = (*PREVIEW_STAGES, "writing", *ASSESSING)
 """Stages of a build."""
 VALIDATE_STAGES = ("load", *ASSESSING)
 """Stages of a validation of what is there."""

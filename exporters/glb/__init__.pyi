@@ -3,7 +3,6 @@
 from .options import Options as Options
 from .readback import CONSUMERS as CONSUMERS
 from .readback import opening as opening
-from .tiles import begin_tiles as begin_tiles
 from .tiles import export_tile as export_tile
 from .tiles import join_tiles as join_tiles
 from .writing import check_capacity as check_capacity

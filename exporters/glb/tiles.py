@@ -58,7 +58,7 @@ from terrain_forge.model import (
     TileGrid,
     World,
 )
-from terrain_forge.rocks import require_pebbles, rocks_near_paths, seen_close, tiles_near_paths
+from terrain_forge.rocks import rocks_near_paths, seen_close, tiles_near_paths
 from terrain_forge.writers import Gltf, encode_png
 
 from .ground import Z_UP_TO_Y_UP, SharedParts, add_tangents, matt, patched
@@ -201,12 +201,6 @@ def _write_asset(gltf: Gltf, path: Path, nodes: list[dict[str, Any]]) -> None:
 
 def _box(vertices: NDArray[Any]) -> Box:
     return vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
-
-
-def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
-    """Refuse pebbles that the recipe cannot have; tiles share nothing."""
-    del directory
-    require_pebbles(world.site, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
 
 
 def join_tiles(tiled: TiledSite, directory: Path, *, options: Options) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ from terrain_forge.model import (
     World,
     world_friction,
 )
-from terrain_forge.rocks import require_pebbles, seen_close, tiles_near_paths
+from terrain_forge.rocks import seen_close, tiles_near_paths
 from terrain_forge.scene import rock_tints
 from terrain_forge.writers import write_png, write_texture
 
@@ -217,7 +217,6 @@ def _write_tile(path: Path, anchor: Array, names: list[str]) -> None:
 
 def begin_tiles(world: World, directory: Path, *, options: Options) -> None:
     """Write what all tiles share: shapes of rocks, pictures of them and of the soil's relief."""
-    require_pebbles(world.site, smallest=options.pebbles_min_m, within=options.pebbles_within_m)
     assets = directory / "assets"
     assets.mkdir(exist_ok=True)
     shapes = enumerate(world.library.prototypes if options.close_within_m > 0.0 else ())

@@ -138,6 +138,8 @@ from .storage import require_disk as require_disk
 from .storage import storing as storing
 from .tasks import run_tasks as run_tasks
 from .tasks import serve_tasks as serve_tasks
+from .texts import is_text as is_text
+from .texts import plain_number as plain_number
 from .threads import ask_for_interrupt as ask_for_interrupt
 from .threads import hold_interrupts as hold_interrupts
 from .threads import in_turn as in_turn

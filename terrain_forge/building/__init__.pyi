@@ -1,14 +1,14 @@
 """The output folder: written whole, re-exported, with its manifest."""
 
+from .calibration import calibrated as calibrated
+from .calibration import learn as learn
+from .calibration import pace as pace
 from .checking import check_raster as check_raster
 from .checking import dtm_lines as dtm_lines
 from .checking import fetch_lines as fetch_lines
 from .checking import require_formats as require_formats
 from .checking import site_lines as site_lines
-from .cost import calibrated as calibrated
 from .cost import drive_seconds as drive_seconds
-from .cost import learn as learn
-from .cost import pace as pace
 from .cost import series_line as series_line
 from .cost import stage_seconds as stage_seconds
 from .manifest import STAGING as STAGING

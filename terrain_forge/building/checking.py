@@ -117,7 +117,8 @@ def require_formats(orders: Sequence[ExportOrder], site: Site) -> None:
     Raises:
         ExportError: for the first format, or the recording, that asks for such.
     """
-    require_exports(orders, site)
+    if site.recipe.tiles is None:  # each tile is loaded by itself
+        require_exports(orders, site)
     asked: list[tuple[tuple[str, ...], Any]] = [
         (("exports", order.folder), order.options) for order in orders
     ]

@@ -1,30 +1,20 @@
 """What a build costs on the machine at hand: time stage by stage, memory, disk.
 
 The rates are those of one machine of two cores, of which `pace` tells how much slower this one is.
-Each build then tells how long its stages took here, and the next estimate goes by that as well.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import platform
-import time
-import zlib
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from functools import cache
+from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge import validation
-from terrain_forge.base import cache_folder, returning, size_text, to_plain
+from terrain_forge.base import returning, size_text, to_plain
+from terrain_forge.building.calibration import LIBRARY, calibrated, pace
 from terrain_forge.geometry import pixel_beside
 from terrain_forge.model import Site
 from terrain_forge.paths import PathSpec, Planned, duration
@@ -70,8 +60,6 @@ DETAIL = 4
 """Bytes that a world keeps for each pixel of a detail image, beside the image itself."""
 HELD, DRIVEN = 0.4, 0.15e9
 """Memory for each byte of an export, and for driving [bytes]."""
-CALIBRATED = 0.021
-"""How long the machine of the rates takes for the work of `pace` [s]."""
 DETOUR = 1.2
 """Length of a planned path over that of the straight lines between its places."""
 TILE, TILE_WRITING = (0.3, 1.3e-6, 6e-5, 0.12), 5e-9
@@ -83,102 +71,8 @@ FAR_PATH, FAR_PLAN = 0.011, 0.015
 """Time for each metre of a path over tiles, and to find it where it is planned [s]."""
 SERIES_TIME, SERIES_SIZE = (0.12, 1.2e-6, 8e-5), (1.1e6, 30, 100)
 """Time [s] and bytes of one of many worlds but for its exports, and what nodes and rocks add."""
-LIBRARY = "rock library"
-"""The stage that takes no time where its result is in the cache."""
-SHORTEST = 0.2
-"""What a stage must take to tell anything [s]."""
 TOLD = 0.1
 """What a stage must take to be named [s]."""
-FARTHEST = 5.0
-"""By how much a stage may be slower or faster here than its rate says, at most."""
-
-_KEPT = "pace.json"
-
-
-def pace() -> float:
-    """How much slower this machine is; measured once, in a tenth of a second, and kept."""
-    return _machine()[0]
-
-
-def _machine() -> tuple[float, dict[str, float]]:
-    """How much slower this machine is, and its stages than that, by the builds that it has made."""
-    folder, machine = cache_folder(), _name()
-    kept = folder / _KEPT if folder else None
-    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
-        found = json.loads(kept.read_text(encoding="utf-8")) if kept else {}
-        if found["machine"] == machine and 0.0 < float(found["pace"]) < 1e3:
-            stages = {str(stage): float(part) for stage, part in found["stages"].items()}
-            if all(1.0 / FARTHEST <= part <= FARTHEST for part in stages.values()):
-                return float(found["pace"]), stages
-    measured = _measured()
-    _keep(measured, {})
-    return measured, {}
-
-
-@cache
-def _measured() -> float:
-    """How much slower this machine is, by this process."""
-    return min(_work() for _ in range(5)) / CALIBRATED
-
-
-def learn(
-    expected: Mapping[str, float],
-    taken: Mapping[str, float],
-    work: Mapping[str, float],
-    *,
-    driven: float = 0.0,
-    passed: bool = True,
-) -> None:
-    """Take note of how long expected stages took [s]; what compiled anything is no measure.
-
-    Of a validation `driven` [s] are expected to be the drives', and what is beyond the rest tells
-    of these alone: checks and drives are not slower by the same. Where not all `passed`, a drive
-    may have ended early: the validation is no measure. Where a stage took longer than the
-    processors worked for it, the machine was busy with other things. Half of what was found counts,
-    lest one build spoils the next estimates.
-    """
-    slower, stages = _machine()
-    if cache_folder() is None or "compile" in taken:
-        return
-    known = {**expected, "drive": driven}
-    times = {stage: min(taken[stage], work.get(stage, math.inf)) for stage in taken}
-    if not passed:
-        times.pop("validation", None)
-    if driven and "validation" in times:
-        times["drive"] = times.pop("validation") - (expected["validation"] - driven)
-    for stage, seconds in times.items():
-        if stage in known and stage != LIBRARY and seconds >= SHORTEST:
-            part = stages.get(stage, 1.0) * (seconds / known[stage]) ** 0.5
-            stages[stage] = min(max(part, 1.0 / FARTHEST), FARTHEST)
-    _keep(slower, stages)
-
-
-def _name() -> str:
-    """This machine's."""
-    return f"{platform.node()} {platform.machine()} {os.cpu_count()}"
-
-
-def _work() -> float:
-    """Processor time [s] of a bit of all that a build does."""
-    since = time.process_time()
-    counts: dict[int, int] = {}
-    for number in range(60_000):
-        counts[number % 977] = counts.get(number % 977, 0) + number
-    wave = np.sort(np.sin(np.arange(200_000.0)))
-    zlib.compress(wave[:40_000].tobytes(), 6)
-    return time.process_time() - since
-
-
-def _keep(slower: float, stages: Mapping[str, float]) -> None:
-    """Keep what is known of this machine, in a file that others see all of or nothing."""
-    parts = {stage: round(part, 3) for stage, part in stages.items()}
-    content = {"machine": _name(), "pace": round(slower, 3), "stages": parts}
-    with suppress(OSError):
-        if (folder := cache_folder()) is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            with NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
-                json.dump(content, file)
-            Path(file.name).replace(folder / _KEPT)
 
 
 def stage_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float]:
@@ -237,12 +131,6 @@ def _tiled_seconds(site: Site, orders: Sequence[ExportOrder]) -> dict[str, float
 def _tiles_of(site: Site) -> int:
     """How many tiles a site has that is built in them."""
     return math.prod(math.ceil(length / site.tile_side) for length in site.size)
-
-
-def calibrated(stages: Mapping[str, float]) -> dict[str, float]:
-    """Time of stages on this machine [s], by that on the machine of the rates."""
-    slower, parts = _machine()
-    return {stage: slower * parts.get(stage, 1.0) * seconds for stage, seconds in stages.items()}
 
 
 def export_bytes(order: ExportOrder, site: Site) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from terrain_forge.base import DataError, OutputError, StorageError, read_lines, resolved
+from terrain_forge.base import DataError, OutputError, StorageError, is_text, read_lines, resolved
 from terrain_forge.building.manifest import (
     ASSESSED,
     NAME,
@@ -61,7 +61,7 @@ def require_apart(out: Path, inputs: Iterable[Path]) -> None:
         OutputError: names the file, or says that the folder's own name is too long.
     """
     require_folder(out)
-    if not_text := [name for name in out.parts if re.search(r"[\ud800-\udfff]", name)]:
+    if not_text := [name for name in out.parts if not is_text(name)]:
         raise OutputError(f"output folder {not_text[0][:20]}: its name is no text in UTF-8")
     longest = [*((name, _LONGEST) for name in out.parts), (out.name, _LONGEST - len(f".{STAGING}"))]
     for name, most in (*longest, (str(out), _DEEPEST)):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrain_forge.base import Array, DataError, portable, reading, require_file
+from terrain_forge.dtm.cut_off import is_cut_off
 from terrain_forge.dtm.lattice import anchors, bilinear
 from terrain_forge.dtm.misnamed import remedy
 from terrain_forge.dtm.projection import (
@@ -352,64 +353,13 @@ def _complaint(dataset: Any, path: Path) -> str:
             f"{path.name} has blocks of {most / 2**20:,.0f} MiB, at most {MOST_BLOCK >> 20} MiB: "
             "cut it into smaller ones, as by gdal_translate -co TILED=YES"
         )
-    if _is_cut_off(dataset, path):
+    if is_cut_off(dataset, path):
         return f"{path.name} is cut off: it ends before its last sample"
     folders = {path.absolute().parent.resolve(), path.resolve().parent}
     for name in dataset.files:
         if not any(Path(name).resolve().is_relative_to(folder) for folder in folders):
             return f"{path.name} names the file {name!r}, which must lie beside it"
     return ""
-
-
-def _is_cut_off(dataset: Any, path: Path) -> bool:
-    """Whether a file is too short, of those formats of which GDAL reads zeros beyond its end."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        match dataset.driver:
-            case "ENVI":
-                return path.stat().st_size < _needed(dataset)
-            case "netCDF":
-                return _ends_early(path)
-            case "TGA":
-                return not _is_whole_picture(path)
-    return False
-
-
-def _needed(dataset: Any) -> int:
-    """Bytes that an ENVI file has at least."""
-    header = dataset.tags(ns="ENVI")
-    if header.get("file_compression", "0") != "0":
-        return 0
-    before = str(header.get("header_offset", "0"))
-    samples = int(dataset.width * dataset.height)
-    sizes = (int(np.dtype(kind).itemsize) for kind in dataset.dtypes)
-    return (int(before) if before.isdecimal() else 0) + samples * sum(sizes)
-
-
-def _ends_early(path: Path) -> bool:
-    """Whether a classic netCDF file has less than its header says; kinds that scipy lacks pass."""
-    from scipy.io import netcdf_file
-
-    try:
-        netcdf_file(path, mmap=True).close()
-    except ValueError as error:
-        return any(words in str(error) for words in ("must be a divisor", "cannot reshape array"))
-    except (TypeError, LookupError, ArithmeticError, AttributeError, MemoryError, OSError):
-        return False
-    return False
-
-
-def _is_whole_picture(path: Path) -> bool:
-    from PIL import Image
-
-    try:
-        with Image.open(path) as picture:
-            picture.load()
-    except Image.DecompressionBombError:
-        return True
-    except (OSError, ValueError, SyntaxError):
-        return False
-    return True
 
 
 def _require_plain_company(path: Path) -> None:

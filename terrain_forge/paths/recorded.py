@@ -15,6 +15,7 @@ from terrain_forge.base import (
     DataError,
     Key,
     RecipeError,
+    plain_number,
     portable,
     read_text,
     reading,
@@ -192,11 +193,10 @@ def _numbers(file: str, line: int, row: list[str], names: list[str], key: Key) -
     numbers = []
     for name, field in zip(names, row, strict=True):
         try:
-            number = float(field) if name else 0.0
+            number = plain_number(field) if name else 0.0
         except ValueError:
             number = math.nan
-        odd = name and ("_" in field or not field.isascii())  # float() takes 1_0, and all scripts
-        if odd or not math.isfinite(number):
+        if not math.isfinite(number):
             raise DataError(
                 f"{file}, line {line}: {name} must be a number, found {field!r}", key=key
             )

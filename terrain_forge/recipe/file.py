@@ -29,6 +29,7 @@ from terrain_forge.base import (
     complaint,
     dotted,
     hint_at,
+    is_text,
     read_text,
     resolved,
     warn_user,
@@ -42,8 +43,6 @@ from terrain_forge.recipe.schema import Recipe, adapter
 MAX_RECIPE = 2**18
 """Bytes of a recipe."""
 _OCTAL = re.compile(r"[-+]?0[\d_]")
-_HALF = re.compile(r"[\ud800-\udfff]")
-"""Half of a character in UTF-16, which YAML can name and no UTF-8 holds."""
 MAX_DIGITS = 400
 """Digits of a whole number in a recipe."""
 _MOST_TOLD = 8
@@ -246,7 +245,7 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
         raise RecipeError(_locate(path, lines, key, f"YAML tag {node.tag}: recipes are plain data"))
     if node.anchor is not None and id(node) not in seen:
         raise RecipeError(_locate(path, lines, key, "YAML anchor: recipes are plain data"))
-    if isinstance(node, ScalarNode) and _HALF.search(node.value):
+    if isinstance(node, ScalarNode) and not is_text(node.value):
         message = "half of a UTF-16 character (\\ud800 to \\udfff) is no text"
         raise RecipeError(_locate(path, lines, key, message))
     if str(node.tag).endswith(":int") and _OCTAL.match(node.value):
@@ -261,7 +260,7 @@ def _collect(path: Path, node: Node, key: Key, lines: Lines, seen: set[int]) -> 
     if isinstance(node, MappingNode):
         for name, value in node.value:
             plain = isinstance(name, ScalarNode) and str(name.tag) in _PLAIN_TAGS
-            if not plain or _HALF.search(name.value):
+            if not plain or not is_text(name.value):
                 raise RecipeError(f"{path}:{name.start_mark.line + 1}: a key must be a word")
             inner = (*key, str(name.value))
             lines[inner] = name.start_mark.line + 1

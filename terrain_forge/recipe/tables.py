@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terrain_forge.base import MAX_TABLE, Array, DataError, InputFile, Key, read_text
+from terrain_forge.base import MAX_TABLE, Array, DataError, InputFile, Key, plain_number, read_text
 from terrain_forge.model import Table
 
 
@@ -77,17 +77,6 @@ def _require_columns(columns: tuple[str, ...], mark: InputFile) -> None:
             raise ValueError(f" has two columns {name!r}")
 
 
-def _plain_number(text: str) -> float:
-    """The number of a text: not as Python's `1_0`, nor in digits of other scripts.
-
-    Raises:
-        ValueError: if it is none.
-    """
-    if "_" in text or not text.isascii():
-        raise ValueError(f"no number: {text!r}")
-    return float(text)
-
-
 def _numbers(
     line: int, row: list[str], columns: tuple[str, ...], blanks: dict[str, float]
 ) -> list[float]:
@@ -99,7 +88,7 @@ def _numbers(
             numbers.append(blanks[name])
             continue
         try:
-            number = _plain_number(field)
+            number = plain_number(field)
         except ValueError:
             raise ValueError(f", line {line}: {name} must be a number, found {field!r}") from None
         if not np.isfinite(number):

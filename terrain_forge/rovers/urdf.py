@@ -18,6 +18,7 @@ from terrain_forge.base import (
     hint_at,
     matrix_from_quaternion,
     placed,
+    plain_number,
     portable,
     quaternion_from_rpy,
 )
@@ -359,10 +360,8 @@ def _floats(
     """The numbers of an attribute, none of them above `most` to either side."""
     text = default if element is None else element.get(name, default)
     try:
-        values = tuple(map(float, text.split()))
+        values = tuple(map(plain_number, text.split()))
     except ValueError:
-        values = ()
-    if "_" in text or not text.isascii():  # float() takes 1_0 and digits of all scripts
         values = ()
     why = ""
     if len(values) != count or not (text == default or all(map(math.isfinite, values))):

@@ -35,6 +35,7 @@ from terrain_forge.base import (
     write_arrays,
     write_through,
 )
+from terrain_forge.building import require_formats
 from terrain_forge.model import (
     Export,
     RockLibrary,
@@ -195,8 +196,10 @@ def order_tiles(site: Site, out: Path, orders: Sequence[ExportOrder]) -> TileOrd
 
     Raises:
         RecipeError: as `require_tiles`, or for tiles smaller than what lies in them.
+        ExportError: for pebbles that the site cannot have.
     """
     require_tiles(site.recipe, orders)
+    require_formats(orders, site)
     _require_large_tiles(site, find_library(site.recipe.rocks.library, custom=site.meshes))
     grid = TileGrid.of(site, tile_cells(site.recipe))
     exports = tuple(

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from terrain_forge.building.calibration import FARTHEST, learn, pace
 from terrain_forge.building.cost import (
     DETOUR,
     DRIVING,
-    FARTHEST,
     FILMING,
     cost_line,
     drive_seconds,
     exported_bytes,
-    learn,
-    pace,
     stage_seconds,
 )
 from terrain_forge.dtm import FlatDtm, HorizonSpec

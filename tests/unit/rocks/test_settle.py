@@ -9,7 +9,8 @@ import trimesh
 from scipy.stats import kstest
 
 from terrain_forge.base import RecipeError, matrix_from_quaternion, remembered
-from terrain_forge.building.cost import SETTLING, WATCHING, pace
+from terrain_forge.building.calibration import pace
+from terrain_forge.building.cost import SETTLING, WATCHING
 from terrain_forge.model import Heightfield, Mesh, exporter, rotations
 from terrain_forge.pipeline import check
 from terrain_forge.recipe import ValidateSpec, recipe_from_json
